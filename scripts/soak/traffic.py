@@ -12,6 +12,8 @@ stand at the start, and wander within their lanes then. A cell counts:
 - *stranded*: vehicles that stand for more than three minutes without a break: two cycles of the longest plan;
 - *hard braking*: decelerations beyond 6 m/s^2, each with its cause. Such braking is *explained* if the cause is an
   entity that neither follows lanes nor heeds the traffic. Traffic alone must never need it;
+- *too fast in bends*: vehicles whose lateral acceleration begins to be greater than any driver of their class accepts.
+  It is the speed times the change of the yaw within a frame, as a gyroscope and an odometer at the rear axle read it;
 - *hits*: people and vehicles that begin to touch;
 - *bumps*: pairs of people who begin to touch; a body is a disc as wide as the mean of its length and width;
 - *waiting*: people who stand for more than three minutes without a break;
@@ -41,8 +43,9 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
+from rosbridge_sim.world.drivers.driver_parameters import CAR, DriverParameters, classes_of  # noqa: E402
 from rosbridge_sim.world.followers.lane_following import view_driver  # noqa: E402
-from rosbridge_sim.world.geometry.planar import IntArray  # noqa: E402
+from rosbridge_sim.world.geometry.planar import IntArray, wrap_angle  # noqa: E402
 from rosbridge_sim.world.roads.signal_plan import Lamp  # noqa: E402
 from rosbridge_sim.world.state.world import DT, Kind, World  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
@@ -74,6 +77,8 @@ class Outcome:
         overlaps, red_lights, stranded, hard, explained: see the head of this file; `explained` are some of `hard`.
         speed: mean [km/h].
         hardest: the hardest braking [m/s^2].
+        bends: vehicles too fast in bends; see the head of this file.
+        across: the greatest lateral acceleration of a car [m/s^2].
         seconds: that the cell took.
         lines: about faults.
         people: pedestrians.
@@ -97,12 +102,14 @@ class Outcome:
     bumps: int = 0
     waiting: int = 0
     for_people: int = 0
+    bends: int = 0
+    across: float = 0.0
 
     @property
     def num_faults(self) -> int:
         """The number of faults."""
         of_vehicles = self.overlaps + self.red_lights + self.stranded + self.hard - self.explained
-        return of_vehicles + self.hits + self.bumps + self.waiting
+        return of_vehicles + self.bends + self.hits + self.bumps + self.waiting
 
 
 class Watch:
@@ -124,6 +131,12 @@ class Watch:
         self._is_hard = np.zeros(len(self._rows), dtype=bool)
         self._num_lines: Counter[str] = Counter()
         self._touching: set[tuple[int, int]] = set()
+        rows = self._rows
+        lengths, widths = 2.0 * world.half_length[rows], 2.0 * world.half_width[rows]
+        self._is_car = classes_of(lengths, widths, world.height[rows]) == CAR
+        self._most_lateral = DriverParameters.of(world, rows).most_lateral
+        self._is_fast = np.zeros(len(rows), dtype=bool)
+        self._yaw, self._speed = world.yaw[rows].copy(), world.speed[rows].copy()
         self._total = 0.0
         self._steps = 0
         self._remember()
@@ -137,6 +150,7 @@ class Watch:
         self._outcome.speed = self._total / self._steps * 3.6
         self._look_at_contacts()
         self._look_at_lights()
+        self._look_at_bends()
         stood = self._still
         self._still = np.where(speed > STANDS, 0.0, stood + DT)
         for which in np.flatnonzero((stood <= STRANDED) & (self._still > STRANDED)).tolist():
@@ -167,6 +181,18 @@ class Watch:
                 self._outcome.overlaps += 1
                 self._note("overlap", f"uid {a} and {b} touch", self._which(a))
         self._touching = now
+
+    def _look_at_bends(self) -> None:
+        world, rows = self._world, self._rows
+        yaw, speed = world.yaw[rows], world.speed[rows]
+        across = np.abs(wrap_angle(yaw - self._yaw)) / DT * 0.5 * (speed + self._speed)
+        self._yaw, self._speed = yaw, speed
+        self._outcome.across = max(self._outcome.across, float(across[self._is_car].max(initial=0.0)))
+        is_fast = across > self._most_lateral
+        for which in np.flatnonzero(is_fast & ~self._is_fast).tolist():
+            self._outcome.bends += 1
+            self._note("bend", f"uid {world.uid[rows[which]]} drives with {across[which]:.2f} m/s^2 across", which)
+        self._is_fast = is_fast
 
     def _look_at_people(self) -> None:
         """Count those that walk into one another, and those that wait too long."""
@@ -292,11 +318,11 @@ def as_table(outcomes: Iterable[Outcome]) -> str:
     sums: dict[tuple[str, int, int], list[Outcome]] = {}
     for each in outcomes:
         sums.setdefault((each.cell.map_name, each.num, each.people), []).append(each)
-    names = ("overlaps", "red_lights", "stranded", "hits", "bumps", "waiting")
+    names = ("overlaps", "red_lights", "stranded", "bends", "hits", "bumps", "waiting")
     heads = [
         *("map", "vehicles", "people", "simulated", "mean speed"),
         *(name.replace("_", " ") for name in names),
-        *("hard braking", "hardest"),
+        *("hard braking", "hardest", "across"),
     ]
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
     for (name, num, people), group in sorted(sums.items()):
@@ -309,6 +335,7 @@ def as_table(outcomes: Iterable[Outcome]) -> str:
             *map(str, totals),
             braking,
             f"{min(each.hardest for each in group):.1f} m/s²",
+            f"{max(each.across for each in group):.2f} m/s²",
         ]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -329,6 +356,7 @@ def _read(progress: Path) -> list[Outcome]:
 def _report(outcome: Outcome) -> None:
     cell = outcome.cell
     found = f"{outcome.overlaps} overlaps, {outcome.red_lights} red lights, {outcome.stranded} stranded"
+    found += f", {outcome.bends} too fast in bends (cars {outcome.across:.2f} m/s^2)"
     braking = f"{outcome.hard} hard braking ({outcome.explained} explained), hardest {outcome.hardest:.1f} m/s^2"
     if outcome.people:
         found += f", {outcome.people} people: {outcome.hits} hits, {outcome.bumps} bumps, {outcome.waiting} waiting"

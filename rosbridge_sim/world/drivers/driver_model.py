@@ -39,6 +39,7 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import EntryQueue
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME
 
 __all__ = [
     "BRAKE_FROM",
@@ -46,7 +47,6 @@ __all__ = [
     "CREEP",
     "FIRM",
     "GAP",
-    "SETTLING_TIME",
     "STOP_GAP",
     "Perception",
     "SlowVehicles",
@@ -75,10 +75,6 @@ FIRM: Final = 4.0
 
 HARDEST: Final = 8.0
 """The hardest braking at all: about what tyres on a dry road give [m/s^2]."""
-
-SETTLING_TIME: Final = 0.8
-"""Time constant with which a speed above v0 falls to v0 [s]. With a lag of the acceleration of 0.3 s a shorter one
-would swing around v0."""
 
 COOLNESS: Final = 0.99
 """The papers' c. 0 is a driver who takes each gap below s* for an emergency."""

@@ -95,14 +95,22 @@ FIGURES: Final[dict[str, tuple[Figure, Figure, Figure, Figure, Figure]]] = {
     ),
     "lateral": (
         Figure(1.8, 0.2, 1.2, 2.4),
-        Figure(2.8, 0.3, 2.0, 3.6),
-        Figure(2.5, 0.25, 1.8, 3.2),
+        Figure(2.8, 0.3, 2.0, 3.4),
+        Figure(2.5, 0.25, 1.8, 3.0),
         Figure(2.2, 0.2, 1.6, 2.8),
         Figure(1.4, 0.12, 1.0, 1.8),
     ),
     "reaction": (_CAR_REACTION,) * 5,
     "politeness": (_ANY_POLITENESS,) * 5,
     "change_time": (*(_ANY_CHANGE_TIME,) * 4, Figure(5.2, 0.4, 4.2, 6.0)),
+    # Three deviations above the mean lateral acceleration
+    "most_lateral": (
+        Figure(2.4, 0.0, 2.4, 2.4),
+        Figure(3.7, 0.0, 3.7, 3.7),
+        Figure(3.25, 0.0, 3.25, 3.25),
+        Figure(2.8, 0.0, 2.8, 2.8),
+        Figure(1.76, 0.0, 1.76, 1.76),
+    ),
 }
 
 
@@ -120,6 +128,7 @@ class DriverParameters:
         reaction: time constant with which the acceleration follows what the driver sees [s].
         politeness: of lane changes (MOBIL): weight of the disadvantage of others, 0 for an egoist.
         change_time: duration of a lane change at the usual speed, see `lane_change_motion` [s].
+        most_lateral: the most lateral acceleration that a driver accepts, bend and lane change together [m/s^2].
     """
 
     speed_factor: FloatArray
@@ -131,6 +140,7 @@ class DriverParameters:
     reaction: FloatArray
     politeness: FloatArray
     change_time: FloatArray
+    most_lateral: FloatArray
 
     @classmethod
     def of(cls, world: World, rows: IntArray) -> DriverParameters:

@@ -18,7 +18,6 @@ from rosbridge_sim.world.drivers.driver_model import (
     BRAKE_FROM,
     CREEP,
     GAP,
-    SETTLING_TIME,
     STOP_GAP,
     Perception,
     SlowVehicles,
@@ -30,7 +29,13 @@ from rosbridge_sim.world.drivers.intruders import stop_for_intruders
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
 from rosbridge_sim.world.drivers.right_of_way import Requests, give_claims, update_holds
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
-from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, MIN_SAFE_SPEED, LaneConflicts
+from rosbridge_sim.world.roads.lane_conflicts import (
+    MAX_LATERAL,
+    MIN_SAFE_SPEED,
+    SETTLING_TIME,
+    LaneConflicts,
+    foresight,
+)
 
 __all__ = ["DriverSight", "Stop", "observe", "perceive"]
 
@@ -188,20 +193,25 @@ class _Look:
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
         self._lead_at = lead  # positions in the queue
         parameters = drivers.parameters
-        self._limit_factor, self._bend_factor = parameters.speed_factor, np.sqrt(parameters.lateral / MAX_LATERAL)
-        self._foresight = SETTLING_TIME + parameters.reaction
+        # Factors of the squares of speeds
+        self._limit_factor, self._bend_factor = np.square(parameters.speed_factor), drivers.lateral / MAX_LATERAL
+        self._stop_way = np.square(drivers.speed) / (2.0 * parameters.comfort) + STOP_GAP + GAP
+        # One that accelerates would be faster at the places that it foresees, as if bends allowed so much less.
+        self._surplus = 2.0 * drivers.speed * np.fmax(drivers.accel, 0.0) * (SETTLING_TIME + parameters.reaction)
+        self._foresight = foresight(drivers.speed, parameters.reaction)
         self.perception = Perception(
             gap=self.queue.tail[lead] - drivers.arc - drivers.nose,
             lead_speed=self.queue.speed[lead],
             lead_accel=self.queue.accel[lead],
             lead=self.queue.source[lead],
             stop_distance=np.full(num, np.inf),
-            safe_speed=self._safe_speed(),
+            safe_speed=np.empty(num),
             is_shut_out=np.zeros(num, dtype=bool),
             is_blocked=np.zeros(num, dtype=bool),
             queue=self.queue,
         )
         self.requests = Requests.none(num)
+        self._safe_square = self._find_safe_square()
 
     def look_ahead(self) -> None:
         """Look along the lanes ahead, as far as it matters at each driver's speed."""
@@ -228,14 +238,15 @@ class _Look:
             following = np.isfinite(conflicts.wait_point[lane]).nonzero()[0]
             if len(following):
                 at, there = i[following], lane[following]
-                asks = (drivers.claim[at] != there) & (requests.lane[at] < 0) & np.isinf(perception.stop_distance[at])
-                following, at, there = following[asks], at[asks], there[asks]
-                requests.lane[at] = there
-                requests.distance[at] = to_line[following] + conflicts.wait_point[there]
-                requests.exit_lane[at] = -1 if exit_lanes is None else exit_lanes[at]
+                to_wait = to_line[following] + conflicts.wait_point[there]
+                asks = (requests.lane[at] < 0) & np.isinf(perception.stop_distance[at])
+                asks &= (drivers.claim[at] != there) | (to_wait > self._stop_way[at])
+                at, there = at[asks], there[asks]
+                self._request(at, there, -1 if exit_lanes is None else exit_lanes[at], to_wait[asks])
             self._slow_down(i, lane, distance[i])
             self._find_lead(i, lane, distance)
             distance[i] += roads.length[lane]
+        perception.safe_speed = np.sqrt(np.fmax(self._safe_square, MIN_SAFE_SPEED**2))
         perception.slow = self._find_slow()
 
     def claim(self, num_moving: int) -> IntArray:
@@ -279,47 +290,47 @@ class _Look:
             to_line += float(roads.length[lane])
         return Stop.NONE, -1
 
-    def _safe_speed(self) -> FloatArray:
-        """Return the speeds that limit and bends of the drivers' own lanes allow, (k,) [m/s].
-
-        Speeds follow with a delay, so drivers act early for one that falls: as if they were farther by their speed
-        times the delay.
-        """
-        drivers = self._drivers
-        start, *speeds = self._conflicts.speeds_ahead.take(drivers.point, axis=0).T
-        along, ahead = drivers.arc - start, drivers.speed * self._foresight
-        safe = [
-            factor * (value + slope * along + np.fmin(slope, 0.0) * ahead)
-            for factor, value, slope in (
-                (self._limit_factor, speeds[0], speeds[1]),
-                (self._bend_factor, speeds[2], speeds[3]),
-            )
-        ]
-        return np.asarray(np.fmax(np.fmin(safe[0], safe[1]), MIN_SAFE_SPEED))
+    def _find_safe_square(self) -> FloatArray:
+        """Return the square of the speed that limit and bends of the drivers' own lanes allow, (k,) [m^2/s^2]."""
+        start, _, limit, limit_slope, _, bend, bend_slope = self._conflicts.speeds_ahead.take(self._drivers.point, 0).T
+        along = self._drivers.arc - start
+        limit, bend = limit + limit_slope * along, bend + bend_slope * along
+        return np.asarray(np.fmin(self._limit_factor * limit, self._bend_factor * bend - self._surplus))
 
     def _slow_down(self, i: IntArray, lane: IntArray, distance: FloatArray) -> None:
-        """Lower the safe speeds for what comes on a lane ahead.
+        """Lower the speeds for what comes on a lane ahead.
 
         Args:
             i: (m,) int64, indices of drivers.
             lane: (m,) int64, a lane ahead of each.
             distance: (m,) from its reference point to the start of that lane [m].
         """
-        conflicts, first = self._conflicts, self._roads.first[lane]
-        limit = self._limit_factor[i] * conflicts.limit_speed[first]
-        enter = np.fmin(limit, self._bend_factor[i] * conflicts.bend_speed[first])
-        left = distance - self._drivers.speed[i] * self._foresight[i]
-        before = np.sqrt(enter * enter + 2.0 * self._drivers.parameters.comfort[i] * np.fmax(left, 0.0))
-        self.perception.safe_speed[i] = np.fmin(self.perception.safe_speed[i], before)
+        _, limit, limits, _, bend, bends, _ = self._conflicts.speeds_ahead.take(self._roads.first[lane], 0).T
+        reach = self._foresight[i]
+        # From the first place on that lane that counts to the whole stretch ahead of its start
+        share = np.fmax(1.0 - distance / reach, 0.0)
+        limit, bend = limit + share * (limits - limit), bend + share * (bends - bend)
+        braking = 2.0 * self._drivers.parameters.comfort[i] * np.fmax(distance - reach, 0.0)
+        enter = np.fmin(self._limit_factor[i] * limit, self._bend_factor[i] * bend - self._surplus[i])
+        self._safe_square[i] = np.fmin(self._safe_square[i], enter + braking)
 
     def _request_own_lane(self) -> None:
         """Request the driver's own lane where that crosses others only farther on, beyond its wait point."""
-        drivers, requests = self._drivers, self.requests
+        drivers = self._drivers
         lane, exit_lane = drivers.lanes[:2]
         distance = self._conflicts.wait_point[lane] - drivers.arc - drivers.nose
         at = (np.isfinite(distance) & (distance > 0.0)).nonzero()[0]
-        at = at[(drivers.claim[at] != lane[at]) & (drivers.held[at] != lane[at])] if len(at) else at
-        requests.lane[at], requests.exit_lane[at], requests.distance[at] = lane[at], exit_lane[at], distance[at]
+        if len(at):
+            asks = (drivers.claim[at] != lane[at]) | (distance[at] > self._stop_way[at])
+            at = at[asks & (drivers.held[at] != lane[at])]
+            self._request(at, lane[at], exit_lane[at], distance[at])
+
+    def _request(self, at: IntArray, lane: IntArray, exit_lane: IntArray | int, distance: FloatArray) -> None:
+        """Request lanes for drivers, (m,) int64 indices; a claim for one of them is given back. See `Requests`."""
+        drivers, requests = self._drivers, self.requests
+        requests.lane[at], requests.exit_lane[at], requests.distance[at] = lane, exit_lane, distance
+        again = at[drivers.claim[at] == lane]
+        requests.again[again], drivers.claim[again] = True, -1
 
     def _obey_light(self, i: IntArray, lane: IntArray, to_line: FloatArray) -> None:
         """Stop at the line of a lane that may not be entered, unless that needs more than firm braking.

@@ -70,6 +70,7 @@ class Drivers:
         exit_lane: int64, the lane behind the claimed or held one. Written by `right_of_way`.
         is_let_in: bool, the others let it in if it stands at a stop line.
         parameters: of the drivers.
+        lateral: the lateral acceleration that each accepts of bends now [m/s^2].
         leaving: entries of those that change lanes on the lanes that they leave, (m,) of them; None for none.
     """
 
@@ -87,6 +88,7 @@ class Drivers:
     exit_lane: IntArray
     is_let_in: BoolArray
     parameters: DriverParameters
+    lateral: FloatArray
     leaving: Entries | None = None
 
 

@@ -2,16 +2,20 @@
 
 A driver *claims* a lane before it enters. It asks when the wait point of the lane comes within its braking distance.
 It gets the lane if no rival lane is claimed or occupied, and no driver before it asks for a rival. Drivers without a
-stop line come before those that wait at one, and then the nearer one comes first. Now and then they let in a driver
-that stands at its stop line. So two drivers never meet on rival lanes, with traffic lights or without. A driver that
-would have to stop inside, because there is no room behind the lane, does not get it. The same holds if something stands
-on the lane, as an ego that broke down.
+stop line come before those that wait at one, and then the nearer one comes first. Of equally near ones the one from the
+right comes first, and then those that do not turn left: no map tells that it has left-hand traffic. Now and then they
+let in a driver that stands at its stop line. So two drivers never meet on rival lanes, with traffic lights or without.
+A driver that would have to stop inside, because there is no room behind the lane, does not get it. The same holds if
+something stands on the lane, as an ego that broke down.
 
-A claim becomes a *hold* when the front bumper passes the wait point. The hold ends when the tail has left all rivals.
+As long as a driver can still stop comfortably, it asks for its claim again at each decision. So it does not matter who
+has asked first, which depends on how early a driver looks ahead. A claim becomes a *hold* when the front bumper passes
+the wait point. The hold ends when the tail has left all rivals.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -24,6 +28,15 @@ from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
 __all__ = ["Requests", "give_claims", "update_holds"]
+
+SAME_DISTANCE: Final = 1.0
+"""Distances are compared in steps of this [m]: at stop lines drivers stand that much apart, but equally near."""
+
+FAR: Final = 1e6
+"""Farther than any driver from the lane that it asks for, in steps."""
+
+LEFT_TURN: Final = math.radians(30.0)
+"""A lane that turns more to the left is a left turn [rad]."""
 
 ROOM_TIME: Final = 2.0
 """A vehicle that moves leaves room behind itself: its speed times this time counts as free [s]. It is about the time
@@ -38,16 +51,19 @@ class Requests:
         lane: int64, row of the lane; -1 for none.
         exit_lane: int64, the lane behind it; -1 for none.
         distance: from the front bumper to the wait point of the lane, inf without a lane [m].
+        again: bool, the driver had a claim for the lane until now.
     """
 
     lane: IntArray
     exit_lane: IntArray
     distance: FloatArray
+    again: BoolArray
 
     @staticmethod
     def none(num: int) -> Requests:
         """Return the requests of drivers that need no lane."""
-        return Requests(np.full(num, -1, dtype=np.int64), np.full(num, -1, dtype=np.int64), np.full(num, np.inf))
+        none = np.full(num, -1, dtype=np.int64)
+        return Requests(none, none.copy(), np.full(num, np.inf), np.zeros(num, dtype=bool))
 
 
 def update_holds(conflicts: LaneConflicts, drivers: Drivers) -> None:
@@ -95,7 +111,8 @@ def give_claims(
     braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + drivers.parameters.headway[needs]) + STOP_GAP + GAP
     # A driver whose lead vehicle waits itself could not use the lane, and would only keep others out.
     is_led = perception.gap[needs] <= distance
-    at = needs[(distance < braking_distance) & (~is_led | ((lead >= 0) & (drivers.claim[lead] >= 0)))]
+    has_claim = (drivers.claim >= 0) | requests.again
+    at = needs[(distance < braking_distance) & (~is_led | ((lead >= 0) & has_claim[lead]))]
     # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
     # here, the driver would have to stop before a lane that it was about to enter.
     claim = drivers.claim[at]
@@ -132,12 +149,18 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     rank = np.empty(len(at), dtype=np.int64)
     # Beside a full road without a stop line those at one would never come: now and then each is let in.
     is_let_in = drivers.is_let_in[at] & (drivers.speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
-    order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane] & ~is_let_in))
+    distance, yields = requests.distance[at], conflicts.gives_way[lane] & ~is_let_in
+    index, link = conflicts.rivals.of(lane)
+    rival = conflicts.rivals.other[link]
+    place = np.rint(distance / SAME_DISTANCE) + np.where(yields, FAR, 0.0)
+    first = np.full(len(conflicts.wait_point), np.inf)
+    np.minimum.at(first, lane, place)
+    is_second = np.zeros(len(at), dtype=bool)
+    is_second[index[(first[rival] == place[index]) & conflicts.rival_right[link]]] = True
+    order = np.lexsort((lane, distance, conflicts.roads.turn[lane] > LEFT_TURN, is_second, place))
     rank[order] = np.arange(len(at))
     best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
     np.minimum.at(best, lane, rank)
-    index, link = conflicts.rivals.of(lane)
-    rival = conflicts.rivals.other[link]
     is_refused = (taken[rival] < conflicts.rivals.figure[link]) | (best[rival] < rank[index])
     stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
     perception.is_blocked[at[index[stands[rival]]]] = True

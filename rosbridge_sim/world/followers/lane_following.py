@@ -266,6 +266,7 @@ class _LaneFollowers:
             exit_lane=world.exit_lane[at],
             is_let_in=(self._decision() + self._let_in_later) % LET_IN_EVERY < LET_IN_FOR,
             parameters=self.parameters,
+            lateral=self.changes.find_lateral(self.parameters, world.speed[at]),
         )
         drivers.leaving = self.changes.find_leaving(drivers)
         return drivers

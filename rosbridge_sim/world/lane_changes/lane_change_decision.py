@@ -12,10 +12,10 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, EntryQueue
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_changes.lane_change_model import KEEP_RIGHT_BIAS, THRESHOLD, LaneChange, find_safe, follow
-from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, lateral_in_shift, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_change_passing import STANDS, Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
-from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, SETTLING_TIME, LaneConflicts, foresight
 from rosbridge_sim.world.state.world import DT, World
 
 __all__ = ["BLOCKED_WAY", "LaneLook"]
@@ -47,6 +47,10 @@ WAY_ON: Final = 300.0
 ENTRY_WAY: Final = 20.0
 """Changes of choice begin only farther from an intersection than this length [m] and the way that signal and change
 take at the present speed."""
+
+SPEED_TOLERANCE: Final = 1.015
+"""The speed may be greater than bends allow by this factor when a lane change begins: drivers come close to the safe
+speed, and never quite reach it."""
 
 LIGHT_QUEUE: Final = 15.0
 """A vehicle that stands nearer to an intersection than this may wait for it [m]. So nobody passes it."""
@@ -179,7 +183,8 @@ class LaneLook:
             is_open = option.is_there & goes_on & is_far & ~is_inside
             advantages.append(np.where(is_open, advantage, -np.inf))
         best = np.where(advantages[RIGHT] > advantages[0], RIGHT, 0)
-        safe = np.where(best == RIGHT, options[RIGHT].is_safe, options[0].is_safe)
+        index = np.arange(num)
+        safe = both.is_safe[index + num * best]
         most = np.fmax(advantages[0], advantages[RIGHT])
         is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
         is_back = (world.came_from[rows] == best + 1) & (most < GOOD_REASON)
@@ -193,21 +198,20 @@ class LaneLook:
         old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
         is_kept &= (old_advantage > 0.0) & (frame - since < PATIENCE)
         side[is_kept], reason[is_kept] = old_side[is_kept], now[is_kept]
+        is_slow = self._mind_bends(reason, side, must, accel)
         # The signals from now on
         shows = np.where(reason > 0, side + 1, 0)
         is_new = shows != signal
         since = np.where(is_new, frame, since)
         world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
         # The drivers that begin
-        index = np.arange(num)
         chosen = both.at(index + num * side)
         is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
         is_clear = np.zeros(num, dtype=bool)
-        at = ((reason > 0) & ~is_inside).nonzero()[0]
-        if len(at):
+        if len(at := ((reason > 0) & ~is_inside).nonzero()[0]):
             is_clear[at] = self._is_clear(at, side[at], is_tight[at])
-        begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
-        begins &= is_clear & (side == decision % NUM_SIDES)
+        may = chosen.is_there & chosen.is_safe & is_clear & is_slow
+        begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & may & (side == decision % NUM_SIDES)
         must_wait = (reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside
         if np.count_nonzero(must_wait):
             self._open_gaps(index[must_wait], chosen, is_clear, accel)
@@ -215,6 +219,59 @@ class LaneLook:
         if np.count_nonzero(keep_room):
             self._keep_room(index[keep_room], accel)
         return which[begins], side[begins], is_tight[begins]
+
+    def _mind_bends(self, reason: IntArray, side: IntArray, must: BoolArray, accel: FloatArray) -> BoolArray:
+        """Return which drivers are slow enough to change lanes in the bends of the other lane, (k,).
+
+        Of the others those that must change brake gently, and no other one begins to signal.
+
+        Args:
+            reason: (k,) int64, of the changes; written.
+            side: (k,) int64.
+            must: (k,) bool.
+            accel: (n,) of all drivers, written [m/s^2].
+        """
+        is_slow = np.ones(len(reason), dtype=bool)
+        at = (reason > 0).nonzero()[0]
+        if not len(at):
+            return is_slow
+        excess = self._excess(at, side[at])
+        is_slow[at] = excess <= 0.0
+        at, excess = at[excess > 0.0], excess[excess > 0.0]
+        is_new = self._world.change[self._rows[self._which[at]]] == 0
+        reason[at[is_new & ~must[at]]] = 0
+        slows = must[at]
+        which = self._which[at[slows]]
+        braking = np.fmin(excess[slows] / SETTLING_TIME, self._drivers.parameters.comfort[which])
+        accel[which] = np.fmin(accel[which], -braking)
+        return is_slow
+
+    def _excess(self, at: IntArray, side: IntArray) -> FloatArray:
+        """Return by how much drivers are too fast to change lanes in the bends of lanes beside them, (m,) [m/s].
+
+        Args:
+            at: (m,) int64, the drivers.
+            side: (m,) int64, `LEFT` or `RIGHT`.
+        """
+        which, speed, speeds_ahead = self._which[at], self._speed[at], self._conflicts.speeds_ahead
+        lane, s = self._neighbours.cross(side, self._lanes[0, at], self._arc[at])
+        there = (lane >= 0).nonzero()[0]
+        which, drivers = which[there], self._drivers.parameters
+        lanes = self._choice.preview(which, lane[there])
+        excess, speed, s = np.zeros(len(at)), speed[there], s[there]
+        factor = lateral_in_shift(drivers, which, speed, LANE) / MAX_LATERAL
+        reach = foresight(speed, drivers.reaction[which])
+        start, *_, bend, slope = speeds_ahead.take(self._roads.locate(lanes[0], s)[0], 0).T
+        square, distance = factor * (bend + slope * (s - start)), self._roads.length[lanes[0]] - s
+        for following in lanes[1:]:
+            # Beyond a dead end there is no lane, and no bend that counts.
+            *_, first, least, _ = speeds_ahead.take(self._roads.first[np.maximum(following, 0)], 0).T
+            enter = first + np.fmax(1.0 - distance / reach, 0.0) * (least - first)
+            before = factor * enter + 2.0 * drivers.comfort[which] * np.fmax(distance - reach, 0.0)
+            square = np.where(following >= 0, np.fmin(square, before), square)
+            distance += self._roads.length[following]
+        excess[there] = speed - SPEED_TOLERANCE * np.sqrt(square)
+        return excess
 
     def _is_clear(self, at: IntArray, side: IntArray, is_tight: BoolArray) -> BoolArray:
         """Return whether drivers would be clear of their lead vehicles in time if they began now, (m,)."""

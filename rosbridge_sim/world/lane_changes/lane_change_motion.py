@@ -22,6 +22,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
 from rosbridge_sim.world.state.world import World
 
@@ -55,6 +56,15 @@ TIGHT_PER_LENGTH: Final = 1.8
 """But the way is this many lengths of the vehicle at least. So the nose of a bus of 11 m, which turns by 17 deg then,
 comes over the far border of the new lane by 0.2 m."""
 
+PEAK: Final = 10.0 / math.sqrt(3.0)
+"""Greatest second derivative of the curve of least jerk, for a way and a time of 1."""
+
+LEAST_LATERAL: Final = 0.3
+"""Lateral acceleration that a lane change leaves for the bend at least [m/s^2]."""
+
+RESERVE: Final = 0.1
+"""What it leaves beside both: for the wander, and for the shorter way on the inner side of the bend [m/s^2]."""
+
 CAR_LENGTH: Final = 4.5
 """Length of a usual car [m]."""
 
@@ -70,6 +80,22 @@ def time_of_shift(change_time: FloatArray, speed: FloatArray) -> FloatArray:
     """
     longer = 1.0 + LONGER_PER_SPEED * (speed - USUAL_SPEED)
     return np.asarray(np.fmin(np.fmax(change_time * longer, MIN_SHIFT_TIME), MAX_SHIFT_TIME))
+
+
+def lateral_in_shift(
+    parameters: DriverParameters, which: IntArray, speed: FloatArray, across: FloatArray | float
+) -> FloatArray:
+    """Return the lateral acceleration that drivers accept of bends while they change lanes, (k,) [m/s^2].
+
+    Args:
+        parameters: of all drivers.
+        which: (k,) int64, indices of those drivers.
+        speed: (k,) [m/s].
+        across: (k,) by which they shift; not negative [m].
+    """
+    time = time_of_shift(parameters.change_time[which], speed)
+    left = parameters.most_lateral[which] - RESERVE - PEAK * across / (time * time)
+    return np.asarray(np.fmin(np.fmax(left, LEAST_LATERAL), parameters.lateral[which]))
 
 
 def find_shifted(world: World, rows: IntArray | slice) -> IntArray:

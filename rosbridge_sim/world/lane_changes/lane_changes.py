@@ -21,18 +21,24 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, HARDEST, SETTLING_TIME, Perception
-from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
+from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, HARDEST, Perception
+from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH, DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
 from rosbridge_sim.world.drivers.lane_position import find_ahead, headings, set_legs
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_decision import BLOCKED_WAY, LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
-from rosbridge_sim.world.lane_changes.lane_change_motion import TIGHT_BEND, length_of_tight_shift, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import (
+    LANE,
+    TIGHT_BEND,
+    lateral_in_shift,
+    length_of_tight_shift,
+    time_of_shift,
+)
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
-from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME, LaneConflicts
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["LaneChanges"]
@@ -95,6 +101,29 @@ class LaneChanges:
             return None
         speed, accel = drivers.speed[which], drivers.accel[which]
         return Entries(lane, s, s - drivers.rear[which], speed, accel, which, np.zeros(len(which), bool))
+
+    def find_lateral(self, parameters: DriverParameters, speed: FloatArray) -> FloatArray:
+        """Return the lateral acceleration that drivers accept of bends now, (n,) [m/s^2].
+
+        It is less while they change lanes, and before a change that they must make: they slow down for it.
+
+        Args:
+            parameters: of all of them.
+            speed: (n,) [m/s].
+        """
+        lateral = parameters.lateral
+        if not self.is_possible:
+            return lateral
+        world, rows = self.world, self.rows
+        leaves = world.leaving[rows] > 0
+        which = (leaves | (world.change[rows] >= LaneChange.ROUTE)).nonzero()[0]
+        if not len(which):
+            return lateral
+        way = np.abs(world.lateral_to[rows[which]] - world.lateral_from[rows[which]])
+        across = np.where(leaves[which], way, LANE)
+        lateral = lateral.copy()
+        lateral[which] = lateral_in_shift(parameters, which, speed[which], across)
+        return lateral
 
     def decide(
         self,

@@ -22,7 +22,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.roads.lane_joins import find_joins
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["COMFORT", "LaneConflicts", "Links"]
+__all__ = ["COMFORT", "SETTLING_TIME", "LaneConflicts", "Links", "foresight"]
 
 COMFORT: Final = 2.0
 """Comfortable deceleration of the typical driver, for what it has seen in time [m/s^2]."""
@@ -35,6 +35,20 @@ DEFAULT_SPEED_LIMIT: Final = 50.0 / 3.6
 
 MIN_SAFE_SPEED: Final = 1.5
 """The safe speed in a corner of any sharpness [m/s]: walking speed."""
+
+SETTLING_TIME: Final = 0.6
+"""Time constant with which a speed above the safe one falls to it [s]. With a lag of the acceleration of 0.3 s a
+shorter one would swing around it."""
+
+FORESIGHT: Final = 2.0 * SETTLING_TIME
+"""Drivers heed limits and bends this time and their reaction ahead [s]: an eighth of the excess is left by then."""
+
+USUAL_REACTION: Final = 0.4
+"""Reaction of the slower half of the drivers [s]."""
+
+TURNS_AHEAD: Final = 2.5
+"""Bends count so far before the rear axle [m]: 1.35 m for the middle between the axles of a usual car, which turns as
+its line does there, and the rest because the curvature at the ends of a bend is spread over `BEND`."""
 
 MAX_BEND_SPEED: Final = 100.0
 """The speed of bends that are nearly straight [m/s], faster than any driver: the bends then do not matter."""
@@ -67,6 +81,9 @@ SAMPLE: Final = 1.0
 AT_START: Final = 25.0
 """If a lane conflicts with others only beyond this length, the wait point is before the conflict [m]. Else it is the
 start of the lane, where the stop line of an intersection is."""
+
+ACROSS: Final = math.sin(math.radians(20.0))
+"""A lane comes from the side if the sine of the angle to it is greater."""
 
 TAIL_MARGIN: Final = 1.0
 """Length added beyond the end of a conflict, for the corners of a vehicle that turns [m]."""
@@ -108,8 +125,10 @@ class LaneConflicts:
         limit_speed: (n,) for each point of the roads the speed that the limit allows, low enough to brake with
             `COMFORT` for what comes on the same lane [m/s].
         bend_speed: (n,) the same for bends, with a lateral acceleration of `MAX_LATERAL` [m/s].
-        speeds_ahead: (n, 5) arc length of each point [m], limit_speed and bend_speed, each with its change from here to
-            the next point for each metre. The last point of a lane has no change.
+        speeds_ahead: (n, 7) arc length of each point [m], and three figures each of limit_speed and of bend_speed: the
+            square of the speed, the least square from here to `foresight` ahead on the same lane, and the change of
+            the latter to the next point for each metre, 0 at the last point of a lane. While drivers brake evenly,
+            squares of speeds fall evenly along the way.
         safe_speed: (n,) the lower of the two, for the typical driver [m/s].
         legs: (n, 8) for each point the straight leg to the next one: arc length at its start and end [m], start point
             east, north, up [m], and direction in space, for each metre in the plane. The last point of a lane has the
@@ -121,6 +140,7 @@ class LaneConflicts:
         clear_point: (l,) arc length from which a tail obstructs no rival any more; 0 without rivals [m].
         rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
         rival_from: (k,) for each of these pairs the arc length on the lane from which it is near the rival [m].
+        rival_right: (k,) bool, for each of these pairs the rival comes from the right.
         rival_back: (k,) int64, for each of these pairs the index of the same pair seen from the rival.
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
@@ -139,6 +159,7 @@ class LaneConflicts:
             "onward",
             "rival_back",
             "rival_from",
+            "rival_right",
             "rivals",
         ),
         *("roads", "safe_speed", "shared", "siblings", "speeds_ahead", "wait_point"),
@@ -148,15 +169,10 @@ class LaneConflicts:
         self.roads = roads
         curvature = _curvature(roads)
         self.limit_speed, self.bend_speed = _safe_speeds(roads, curvature)
-        self.speeds_ahead = np.stack(
-            [
-                roads.s,
-                *(self.limit_speed, _slope(roads, self.limit_speed)),
-                *(self.bend_speed, _slope(roads, self.bend_speed)),
-            ],
-            axis=1,
-        )
         self.safe_speed = np.fmin(self.limit_speed, self.bend_speed)
+        reach = foresight(self.safe_speed, USUAL_REACTION)
+        figures = (_foresee(roads, np.square(speed), reach) for speed in (self.limit_speed, self.bend_speed))
+        self.speeds_ahead = np.stack([roads.s, *(each for three in figures for each in three)], axis=1)
         self.legs = _legs(roads)
         self.onward = _onward(roads)
         pairs = _overlaps(roads, curvature)
@@ -176,8 +192,12 @@ class LaneConflicts:
         lane, other = pairs.lane[rival], pairs.other[rival]
         self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
         self.rival_from = pairs.from_s[rival][np.lexsort((other, lane))]
+        lanes = np.repeat(np.arange(num), np.diff(self.rivals.first))
         # Both orders of a pair are here, so the pairs sorted by rival and lane are the same pairs from the other side.
-        self.rival_back = np.lexsort((np.repeat(np.arange(num), np.diff(self.rivals.first)), self.rivals.other))
+        self.rival_back = np.lexsort((lanes, self.rivals.other))
+        yaw = roads.at(lanes, np.zeros(len(lanes)))[1] if len(lanes) else np.zeros(0)
+        other_yaw = roads.at(self.rivals.other, np.zeros(len(lanes)))[1] if len(lanes) else yaw
+        self.rival_right = np.sin(other_yaw - yaw) > ACROSS
         wait_point = np.full(num, np.inf)
         np.minimum.at(wait_point, lane, pairs.from_s[rival])
         self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
@@ -220,12 +240,37 @@ def _safe_speeds(roads: Roads, curvature: FloatArray) -> tuple[FloatArray, Float
     return _braking_before(roads, lane, limit), _braking_before(roads, lane, bend)
 
 
-def _slope(roads: Roads, value: FloatArray) -> FloatArray:
-    """Return the change from each point to the next one of its lane for each metre, (n,)."""
+def foresight(speed: FloatArray, reaction: FloatArray | float) -> FloatArray:
+    """Return how far ahead drivers heed limits and bends, (k,) [m].
+
+    Speeds follow with a delay, so drivers act so much earlier.
+
+    Args:
+        speed: (k,) [m/s].
+        reaction: (k,) time constant of the acceleration [s].
+    """
+    return np.asarray(speed * (FORESIGHT + reaction) + TURNS_AHEAD)
+
+
+def _foresee(roads: Roads, value: FloatArray, reach: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return values at the points of the roads with two figures of each, (n,); see `LaneConflicts.speeds_ahead`.
+
+    Args:
+        value: (n,) at the points.
+        reach: (n,) how far ahead it counts [m].
+    """
+    if not len(value):
+        return value, value, value
+    lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
+    end = roads.base[lane] + np.fmin(roads.s + reach, roads.length[lane])
+    point = np.arange(len(value))
+    beyond = np.fmax(roads.chain.searchsorted(end, side="right"), point + 1)
+    least = np.minimum.reduceat(np.append(value, np.inf), np.stack([point, beyond], axis=1).ravel())[::2]
+    least = np.fmin(least, np.interp(end, roads.chain, value))
     slope = np.zeros(len(value))
     at = (np.diff(roads.s) > 0.0).nonzero()[0]
-    slope[at] = np.diff(value)[at] / np.diff(roads.s)[at]
-    return slope
+    slope[at] = np.diff(least)[at] / np.diff(roads.s)[at]
+    return value, least, slope
 
 
 def _braking_before(roads: Roads, lane: IntArray, speed: FloatArray) -> FloatArray:

@@ -73,6 +73,7 @@ def situation(conflicts: LaneConflicts, seed: int, num: int = 12, few: float = 0
     drivers = Drivers(
         *(lanes, arc, speed, np.zeros(num), np.zeros(num, dtype=np.int64), length - rear, rear, length),
         *(rng.permutation(num), claim, held, exit_lane, rng.random(num) < 0.3, DriverParameters(**figures)),
+        lateral=rng.uniform(0.5, 3.0, num),
     )
     nothing, no = np.full(num, np.inf), np.zeros(num, dtype=np.bool_)
     lead = np.where(rng.random(num) < 0.5, rng.integers(0, num, num), -1)
@@ -83,7 +84,7 @@ def situation(conflicts: LaneConflicts, seed: int, num: int = 12, few: float = 0
     has = (rng.random(num) < 0.8) & (lanes[1] >= 0)
     wanted = np.where(has, lanes[1], -1)
     distance = np.where(has, rng.choice([1.5, 12.0, 60.0], num) * rng.uniform(0.2, 1.0, num), np.inf)
-    requests = Requests(wanted, np.where(has, lanes[2], -1), distance)
+    requests = Requests(wanted, np.where(has, lanes[2], -1), distance, has & (rng.random(num) < few))
     num_moving, num_others = int(rng.integers(1, 6)), 9
     lane = np.where(np.arange(num_others) < 3, rng.choice(with_rivals, num_others), rng.choice(before, num_others))
     lane[6:] = rng.choice(behind, 3)

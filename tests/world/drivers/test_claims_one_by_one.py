@@ -45,6 +45,11 @@ def rivals_of(conflicts: LaneConflicts, lane: int) -> list[int]:
     return list(range(conflicts.rivals.first[lane], conflicts.rivals.first[lane + 1]))
 
 
+def start_yaw(conflicts: LaneConflicts, lane: int) -> float:
+    """Direction of a lane at its start [rad]."""
+    return float(conflicts.roads.at([lane], [0.0])[1][0])
+
+
 def tail_on_held(case: Situation, i: int) -> float:
     """Where the tail of a driver is on the lane that it holds."""
     drivers, held = case.drivers, int(case.drivers.held[i])
@@ -86,6 +91,7 @@ class OneByOne:
         stands = {int(lane) for lane, is_one in zip(case.others.lane, case.others.stands, strict=True) if is_one}
         self.blocked = {i for i in self.asks if int(self.requests.lane[i]) in stands}
         candidates = [i for i in self.asks if i not in self.shut_out and i not in self.blocked]
+        self.place = {i: self._place(i) for i in candidates}
         order = sorted(candidates, key=self._rank)
         stands |= {
             int(self.drivers.held[i])
@@ -127,7 +133,8 @@ class OneByOne:
         if lane < 0 or distance >= speed * (speed / 2.5 + drivers.parameters.headway[i]) + 1.0 + 2.5:
             return False
         lead = int(self.case.perception.lead[i])
-        if self.case.perception.gap[i] <= distance and not (lead >= 0 and drivers.claim[lead] >= 0):
+        has_way = lead >= 0 and (drivers.claim[lead] >= 0 or self.requests.again[lead])
+        if self.case.perception.gap[i] <= distance and not has_way:
             return False
         return not (drivers.claim[i] >= 0 and drivers.claim[i] in drivers.lanes[:, i])
 
@@ -144,11 +151,27 @@ class OneByOne:
         reserved = sum(drivers.length[j] + 2.5 for j in coming)
         return bool(tail + 2.0 * speed - reserved >= drivers.length[i] + 2.5)
 
-    def _rank(self, i: int) -> tuple[bool, float, int]:
+    def _place(self, i: int) -> tuple[bool, int]:
+        """Whether a driver gives way, and how far it is in whole metres."""
         drivers, distance = self.drivers, float(self.requests.distance[i])
         is_let_in = drivers.is_let_in[i] and drivers.speed[i] < 0.1 and distance < 2.0
         gives_way = bool(self.case.conflicts.gives_way[self.requests.lane[i]]) and not is_let_in
-        return gives_way, distance, int(drivers.uid[i])
+        return gives_way, round(distance)
+
+    def _rank(self, i: int) -> tuple[tuple[bool, int], bool, bool, float, int]:
+        """First the nearer ones, then those with none at their right, then those that do not turn left."""
+        conflicts, lane = self.case.conflicts, int(self.requests.lane[i])
+        first = dict[int, tuple[bool, int]]()
+        for other, place in self.place.items():
+            there = int(self.requests.lane[other])
+            first[there] = min(first.get(there, place), place)
+        has_right = False
+        for pair in rivals_of(conflicts, lane):
+            rival = int(conflicts.rivals.other[pair])
+            angle = start_yaw(conflicts, rival) - start_yaw(conflicts, lane)
+            has_right |= math.sin(angle) > math.sin(math.radians(20.0)) and first.get(rival) == self.place[i]
+        turns_left = float(conflicts.roads.turn[lane]) > math.radians(30.0)
+        return self.place[i], has_right, turns_left, float(self.requests.distance[i]), lane
 
     def _taken(self) -> dict[int, float]:
         taken: dict[int, float] = {}

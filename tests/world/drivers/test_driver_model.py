@@ -115,7 +115,7 @@ def accelerate_by_the_papers(
     if speed < wanted:
         chosen = driver["accel"] * (1.0 - min(speed / max(wanted, 0.1), 1.0) ** 4)
     else:
-        chosen = max((wanted - speed) / 0.8, -4.0)
+        chosen = max((wanted - speed) / 0.6, -4.0)
     if math.isfinite(seen["stop"]):
         chosen = stop_by_the_rules(chosen, speed, seen["stop"])
     if math.isfinite(seen["gap"]):

@@ -41,7 +41,7 @@ def beyond(world: World, row: int, side: int) -> tuple[float, float]:
     return float(inwards.max()) - HALF_LANE, float(-inwards.min()) - HALF_LANE
 
 
-def drive(world: World, row: int, side: int, seconds: float = 9.0) -> tuple[FloatArray, FloatArray]:
+def drive(world: World, row: int, side: int, seconds: float = 10.0) -> tuple[FloatArray, FloatArray]:
     """The greatest of these while it drives through, and its offsets to the left."""
     found, offsets = [], []
     for i in range(round(seconds / DT)):

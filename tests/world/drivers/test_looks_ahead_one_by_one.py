@@ -60,7 +60,8 @@ class Seen:
     stop: float = math.inf
     safe: float = math.inf
     request: tuple[int, int, float] = (NONE, NONE, math.inf)
-    refused: int = NONE  # the claimed lane whose light does not allow to enter any more
+    refused: int = NONE  # the claimed lane whose light does not allow to enter any more, or that it asks for again
+    again: bool = False
 
 
 def a_situation(maps: list[LaneConflicts], seed: int) -> tuple[Situation, BoolArray]:
@@ -140,8 +141,8 @@ class OneByOne:
         if seen.lead is not None:
             seen.gap = seen.lead.tail - arc - nose
         wait = float(self.conflicts.wait_point[lanes[0]]) - arc - nose
-        if math.isfinite(wait) and wait > 0.0 and lanes[0] not in {int(drivers.claim[i]), int(drivers.held[i])}:
-            seen.request = lanes[0], lanes[1], wait
+        if math.isfinite(wait) and wait > 0.0 and lanes[0] != drivers.held[i] and self._may_ask(i, lanes[0], wait):
+            self._ask(seen, i, lanes[0], lanes[1], wait)
         wanted = 2.5 + speed * (headway + speed / (2.0 * math.sqrt(accel * comfort)))
         distance = float(self.roads.length[lanes[0]]) - arc
         for lane, after in pairwise([*lanes[1:], NONE]):
@@ -169,31 +170,73 @@ class OneByOne:
             if claim == lane:
                 claim, seen.refused = NONE, lane
         wait = float(self.conflicts.wait_point[lane])
-        if math.isfinite(wait) and claim != lane and seen.request[0] < 0 and math.isinf(seen.stop):
-            seen.request = lane, after, to_line + wait
-        limit, bend = self._factors(i)
+        may_ask = claim != drivers.claim[i] or self._may_ask(i, lane, to_line + wait)
+        if may_ask and math.isfinite(wait) and seen.request[0] < 0 and math.isinf(seen.stop):
+            self._ask(seen, i, lane, after, to_line + wait)
         first = int(self.roads.first[lane])
-        enter = min(limit * float(self.conflicts.limit_speed[first]), bend * float(self.conflicts.bend_speed[first]))
-        left = max(distance - speed * (0.8 + reaction), 0.0)
-        seen.safe = min(seen.safe, math.sqrt(enter**2 + 2.0 * float(drivers.parameters.comfort[i]) * left))
+        reach = speed * (1.2 + reaction) + 2.5
+        share = max(1.0 - distance / reach, 0.0)
+        enter = []
+        for factor, speeds in self._speeds(i):
+            here = float(speeds[first]) ** 2
+            there = self._least_ahead(speeds, first)
+            enter.append(factor**2 * (here + share * (there - here)))
+        enter[1] -= self._surplus(i)
+        left = max(distance - reach, 0.0)
+        square = min(enter) + 2.0 * float(drivers.parameters.comfort[i]) * left
+        seen.safe = min(seen.safe, math.sqrt(max(square, 1.5**2)))
 
-    def _factors(self, i: int) -> tuple[float, float]:
-        parameters = self.drivers.parameters
-        return float(parameters.speed_factor[i]), math.sqrt(float(parameters.lateral[i]) / 2.5)
+    def _may_ask(self, i: int, lane: int, distance: float) -> bool:
+        """The driver has no claim for a lane, or could still stop comfortably."""
+        comfort = float(self.drivers.parameters.comfort[i])
+        way = float(self.drivers.speed[i]) ** 2 / (2.0 * comfort) + 1.0 + 2.5
+        return int(self.drivers.claim[i]) != lane or distance > way
+
+    def _ask(self, seen: Seen, i: int, lane: int, after: int, distance: float) -> None:
+        seen.request, seen.again = (lane, after, distance), int(self.drivers.claim[i]) == lane
+        seen.refused = lane if seen.again else seen.refused
+
+    def _speeds(self, i: int) -> list[tuple[float, FloatArray]]:
+        """Factors of the driver, and the speeds of limits and bends."""
+        parameters, conflicts = self.drivers.parameters, self.conflicts
+        bend = math.sqrt(float(self.drivers.lateral[i]) / 2.5)
+        return [(float(parameters.speed_factor[i]), conflicts.limit_speed), (bend, conflicts.bend_speed)]
+
+    def _least_ahead(self, speeds: FloatArray, point: int) -> float:
+        """Least square of the speeds from a point to where a usual driver heeds them there, on the same lane."""
+        s, last = self.roads.s, point
+        end = float(s[point]) + float(self.conflicts.safe_speed[point]) * (1.2 + 0.4) + 2.5
+        least = math.inf
+        while True:
+            least = min(least, float(speeds[last]) ** 2)
+            if last + 1 >= len(s) or s[last + 1] == 0.0:
+                return least
+            if s[last + 1] > end:
+                share = (end - float(s[last])) / float(s[last + 1] - s[last])
+                return min(least, (1.0 - share) * float(speeds[last]) ** 2 + share * float(speeds[last + 1]) ** 2)
+            last += 1
 
     def _safe_here(self, i: int) -> float:
-        """The speed that limit and bends allow on the own lane, as far ahead as the driver is late where it falls."""
-        drivers, roads, conflicts = self.drivers, self.roads, self.conflicts
+        """The speed that limit and bends allow on the own lane, between the points before and behind the driver."""
+        drivers, roads = self.drivers, self.roads
         point = int(drivers.point[i])
         is_last = point + 1 == roads.first[drivers.lanes[0, i] + 1]
         along = float(drivers.arc[i]) - float(roads.s[point])
-        late = float(drivers.speed[i]) * (0.8 + float(drivers.parameters.reaction[i]))
         found = []
-        for factor, speeds in zip(self._factors(i), (conflicts.limit_speed, conflicts.bend_speed), strict=True):
-            here = float(speeds[point])
-            slope = 0.0 if is_last else (float(speeds[point + 1]) - here) / float(roads.s[point + 1] - roads.s[point])
-            found.append(factor * (here + slope * along + min(slope, 0.0) * late))
-        return max(min(found), 1.5)
+        for factor, speeds in self._speeds(i):
+            here = there = self._least_ahead(speeds, point)
+            share = 0.0
+            if not is_last:
+                share = along / float(roads.s[point + 1] - roads.s[point])
+                there = self._least_ahead(speeds, point + 1)
+            found.append(factor**2 * (here + share * (there - here)))
+        return math.sqrt(max(min(found[0], found[1] - self._surplus(i)), 1.5**2))
+
+    def _surplus(self, i: int) -> float:
+        """By how much the square of the speed is less for bends, for one that accelerates."""
+        drivers = self.drivers
+        ahead = 0.6 + float(drivers.parameters.reaction[i])
+        return 2.0 * float(drivers.speed[i]) * max(float(drivers.accel[i]), 0.0) * ahead
 
     def is_slow(self, i: int) -> bool:
         """The one ahead of the lead vehicle counts: it is much slower, or the lead vehicle leaves the lane."""
@@ -223,6 +266,7 @@ def test_drivers_perceive_lead_vehicles_stops_and_speeds_as_one_by_one(seed: int
     assert requests.lane.tolist() == [each.request[0] for each in seen]
     assert requests.exit_lane.tolist() == [each.request[1] for each in seen]
     assert requests.distance == pytest.approx([each.request[2] for each in seen])
+    assert requests.again.tolist() == [each.again for each in seen]
     kept = [NONE if each.refused >= 0 else claim for each, claim in zip(seen, claims.tolist(), strict=True)]
     assert case.drivers.claim.tolist() == kept
     slow = [i for i in range(len(seen)) if expected.is_slow(i)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -32,6 +33,43 @@ def test_nearer_vehicle_goes_first_without_braking() -> None:
     speeds = run(world, 20.0)
     assert speeds[:, near].min() > 11.5
     assert speeds[:, far].min() < 11.0
+
+
+def first_across(order: str, behind: float, seed: int, *, desired_speed: float = math.inf) -> str:
+    """The street of the driver that enters the crossing first; the one from the south comes from so much farther."""
+    world = world_of(crossing(), seed=seed)
+    begin = {"w": 90.0, "s": 90.0 - behind}
+    rows = [car(world, lane, begin[lane], speed=12.0, desired_speed=desired_speed) for lane in order]
+    for _ in range(1000):
+        step(world)
+        for row, lane in zip(rows, order, strict=True):
+            if lane_of(world, row) != lane:
+                return lane
+    raise AssertionError("nobody has entered the crossing")
+
+
+@pytest.mark.parametrize("order", ["ws", "sw"])
+@pytest.mark.parametrize("behind", [5.0, 15.0])
+def test_nearer_driver_goes_first_whoever_was_created_first_and_looks_farther_ahead(behind: float, order: str) -> None:
+    assert [first_across(order, behind, seed) for seed in range(4)] == ["w"] * 4
+
+
+@pytest.mark.parametrize("order", ["ws", "sw"])
+def test_of_equally_near_drivers_the_one_from_the_right_goes_first(order: str) -> None:
+    assert [first_across(order, 0.0, seed, desired_speed=12.0) for seed in range(4)] == ["s"] * 4
+
+
+def test_four_drivers_that_are_equally_near_all_get_through() -> None:
+    ways = {"e": (1, 0), "n": (0, 1), "w": (-1, 0), "s": (0, -1)}
+    lanes = {}
+    for name, (x, y) in ways.items():
+        places = [(x * s + 1.75 * y, y * s - 1.75 * x) for s in (-150, -10, 10, 300)]
+        for part, (start, end) in enumerate(pairwise(places)):
+            lanes[f"{name}{part}"] = line(start, end), f"{name}{part + 1}" if part < 2 else ""
+    world = world_of(make(**lanes))
+    rows = [car(world, f"{name}0", 80.0, speed=10.0, desired_speed=10.0) for name in ways]
+    run(world, 40.0)
+    assert [lane_of(world, row) for row in rows] == [f"{name}2" for name in ways]
 
 
 def test_crossing_streams_both_get_through() -> None:

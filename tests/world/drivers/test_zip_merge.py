@@ -128,6 +128,7 @@ def before_joins(conflicts: LaneConflicts, seed: int, num: int = 14) -> tuple[Dr
         exit_lane=nothing,
         is_let_in=no,
         parameters=DriverParameters(**figures),
+        lateral=np.full(num, 2.5),
     )
     source = np.array([-1, -1, -1, 0])  # the last one is of a driver that changes lanes
     others = Entries(

@@ -282,7 +282,7 @@ def test_vehicle_does_not_brake_for_green() -> None:
     assert run(world, 12.0).min() > 14.7
 
 
-@pytest.mark.parametrize("distance", [5.0, 15.0, 25.0, 30.0, 40.0, 60.0])
+@pytest.mark.parametrize("distance", [5.0, 15.0, 25.0, 28.0, 32.0, 40.0, 60.0])
 def test_vehicle_stops_at_yellow_if_it_can(distance: float) -> None:
     roads, plan = signalled(green=DECISION, yellow=150)  # yellow from the second decision on, for 3 s
     world = world_of(roads, plan)

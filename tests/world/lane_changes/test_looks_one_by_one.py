@@ -197,6 +197,7 @@ class Wish:
     since: float = 0.0
     begins: bool = False
     is_tight: bool = False
+    excess: float = 0.0
     brakes: list[tuple[int, float]] = field(default_factory=list)
 
 
@@ -426,6 +427,9 @@ class OneByOne:
             side = max(signal - 1, 0)
             if advantages[side] > 0.0 and self.world.frame - since < 300:
                 wish.reason, wish.side = now, side
+        wish.excess = self.excess(wish.side) if wish.reason else 0.0
+        if wish.excess > 0.0 and now == 0 and wish.reason in {LaneChange.FASTER, LaneChange.KEEP_RIGHT}:
+            wish.reason = 0
         is_new = (wish.side + 1 if wish.reason else 0) != signal
         wish.since = world.frame if is_new else since
         self.act(wish, options[wish.side], decision, is_new=is_new, is_inside=is_inside)
@@ -436,9 +440,12 @@ class OneByOne:
         wish.is_tight = wish.reason == LaneChange.AROUND and self.speed < 0.5
         clear = wish.reason > 0 and not is_inside and self.is_clear(wish.side, is_tight=wish.is_tight)
         has_signalled = not is_new and self.world.frame - wish.since >= 75
-        is_open = option.is_there and option.is_safe and clear and not is_inside
+        is_open = option.is_there and option.is_safe and clear and not is_inside and wish.excess <= 0.0
         wish.begins = wish.reason > 0 and has_signalled and is_open and wish.side == decision % 2
         wanted = float(self.desired[self.i])
+        if wish.excess > 0.0 and wish.reason >= LaneChange.ROUTE:
+            comfort = float(self.drivers.parameters.comfort[self.i])
+            wish.brakes.append((self.i, -min(wish.excess / 0.6, comfort)))
         if wish.begins:
             return
         if wish.reason >= LaneChange.ROUTE and option.is_there and not is_inside:
@@ -449,6 +456,33 @@ class OneByOne:
         if wish.reason == LaneChange.AROUND:
             gap = self.gap - 2.0 - 0.4 * max(self.length - CAR_LENGTH, 0.0)
             wish.brakes.append((self.i, max(follow(self.speed, wanted, gap, self.lead_speed), -8.0)))
+
+    def excess(self, side: int) -> float:
+        """By how much the driver is too fast for the bends of the lane on one side while it changes lanes."""
+        own, figures, roads = self.lanes[0], self.drivers.parameters, self.roads
+        beside, places = self.neighbours.cross(np.array([side]), np.array([own]), np.array([self.arc]))
+        lane, s = int(beside[0]), float(places[0])
+        if lane < 0:
+            return 0.0
+        lateral, most, reaction, comfort = (
+            float(each[self.i]) for each in (figures.lateral, figures.most_lateral, figures.reaction, figures.comfort)
+        )
+        left = most - 0.1 - 10.0 / math.sqrt(3.0) * LANE / self.shift_time**2
+        factor, reach = min(max(left, 0.3), lateral) / 2.5, self.speed * (1.2 + reaction) + 2.5
+        table = self.conflicts.speeds_ahead
+        lanes = self.choice.preview(np.array([self.i]), np.array([lane]))[:, 0].tolist()
+        points = range(int(roads.first[lane]), int(roads.first[lane + 1]) - 1)
+        at = max(point for point in points if roads.s[point] <= s)
+        square = factor * float(table[at, 5] + table[at, 6] * (s - table[at, 0]))
+        distance = float(roads.length[lane]) - s
+        for following in lanes[1:]:
+            if following < 0:
+                break
+            here, least = table[int(roads.first[following]), 4:6].tolist()
+            enter = here + max(1.0 - distance / reach, 0.0) * (least - here)
+            square = min(square, factor * enter + 2.0 * comfort * max(distance - reach, 0.0))
+            distance += float(roads.length[following])
+        return self.speed - 1.015 * math.sqrt(square)
 
     def is_clear(self, side: int, *, is_tight: bool) -> bool:
         """It gets past the vehicle ahead of it, see `lane_change_passing`."""
