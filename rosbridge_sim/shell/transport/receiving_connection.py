@@ -239,14 +239,14 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         end = head.find(_BLANK_LINE, searched)
         size = len(head) if end < 0 else end + len(_BLANK_LINE)
         if size > MAX_EARLY:
-            self._turn_away(TOO_LONG)
+            self._turn_away(TOO_LONG, head)
             return b""
         if end < 0:
             fault = find_first_fault(head)
             if fault is None:
                 self.await_head()
             else:
-                self._turn_away(fault)
+                self._turn_away(fault, head)
             return b""
         self._head = bytearray()
         self.has_request = True
@@ -256,11 +256,18 @@ class ReceivingConnection(MessageConnection, ServerConnection):
             if fault is None:
                 self.feed_head(whole)
             else:
-                self._turn_away(fault)
+                self._turn_away(fault, whole)
         return rest
 
-    def _turn_away(self, answer: bytes) -> None:
-        """Answer a request that the library cannot read; then drop all that comes, and close."""
+    def _turn_away(self, answer: bytes, head: bytes | bytearray) -> None:
+        """Answer a request that the library cannot read; then drop all that comes, and close.
+
+        Args:
+            answer: from `request_faults`. To HEAD it is sent without its body.
+            head: the request, as far as it has come.
+        """
+        if head.startswith(b"HEAD "):
+            answer = answer[: answer.index(_BLANK_LINE) + len(_BLANK_LINE)]
         self.has_request = True
         self._head = bytearray()
         if self.transport.is_closing():

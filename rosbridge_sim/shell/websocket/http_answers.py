@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
+from typing import Final
 
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
@@ -21,18 +23,33 @@ __all__ = [
     "answer_late",
     "answer_map",
     "answer_moved",
+    "answer_version",
     "answer_with",
+    "asks_for_websocket",
     "is_known",
     "is_upgrade",
     "links_of",
     "method_of",
     "not_allowed",
+    "read_target",
+    "settle_upgrade",
+    "speaks_another_version",
 ]
 
 JSON_KIND = "application/json"
 
 PROTOCOL = "rosbridge v2.0"
 """Name of the protocol in its specification."""
+
+
+_ABSOLUTE: Final = re.compile(r"(?:http|ws)s?://(?P<host>[^/?#]*)(?P<path>[^#]*)", re.IGNORECASE)
+"""Target of a request in absolute form."""
+
+_PROTOCOL: Final = re.compile(r"(?:[-!#$%&'*+.^_`|~0-9A-Za-z]+(?:/[-!#$%&'*+.^_`|~0-9A-Za-z]+)?)?")
+"""An entry of `Upgrade` (RFC 9110 section 7.8), which may be empty."""
+
+_VERSION: Final = "13"
+"""Version of the WebSocket protocol (RFC 6455 section 4.1)."""
 
 
 def answer_with(connection: ServerConnection, code: HTTPStatus, body: bytes, content_type: str) -> Response:
@@ -70,8 +87,6 @@ def answer_file(connection: ServerConnection, request: Request, file: PageFile, 
         response = answer_with(connection, HTTPStatus.OK, body, file.kind)
         if is_compressed:
             response.headers["Content-Encoding"] = "gzip"
-        if method_of(request) == "HEAD":
-            response.body = b""
     for name, value in ({"ETag": etag, "Vary": "Accept, Accept-Encoding"} | dict(headers)).items():
         response.headers[name] = value
     return response
@@ -158,10 +173,68 @@ def method_of(request: Request) -> str:
     return str(getattr(request, "method", "GET"))
 
 
+def read_target(request: Request) -> None:
+    """Have a request in absolute form, such as `GET http://host/path`, be one for `/path` with that Host.
+
+    Programs send it to what they take for a proxy. Its host takes the place of the header (RFC 9112 section 3.2.2), and
+    is judged by the same rules.
+    """
+    found = _ABSOLUTE.fullmatch(request.path)
+    if found is None:
+        return
+    path = found["path"]
+    request.path = path if path.startswith("/") else f"/{path}"
+    _set(request, "Host", found["host"])
+
+
+def asks_for_websocket(request: Request) -> bool:
+    """Return True if WebSocket is one of the protocols in `Upgrade` (RFC 9110 section 7.8)."""
+    return any(name.lower() == "websocket" for name in _protocols(request))
+
+
+def settle_upgrade(request: Request) -> None:
+    """Leave WebSocket alone of the protocols in `Upgrade`: the library takes one alone. It refuses a broken list."""
+    if all(map(_PROTOCOL.fullmatch, _protocols(request))):
+        _set(request, "Upgrade", "websocket")
+
+
+def _protocols(request: Request) -> list[str]:
+    """Return the entries of `Upgrade`."""
+    names = ",".join(request.headers.get_all("Upgrade")).split(",")
+    return [name.strip(" \t") for name in names]
+
+
 def is_upgrade(request: Request) -> bool:
-    """Return True if a request is a WebSocket handshake, or one that a proxy has robbed of its `Upgrade` header."""
-    headers = request.headers
-    return "Upgrade" in headers or any(name in headers for name in ("Sec-WebSocket-Key", "Sec-WebSocket-Version"))
+    """Return True if a request is a WebSocket handshake, or one that a proxy has robbed of its `Upgrade` header.
+
+    Other protocols in `Upgrade`, such as h2c, are ignored, as RFC 9110 section 7.8 allows.
+    """
+    names = ("Sec-WebSocket-Key", "Sec-WebSocket-Version")
+    return method_of(request) == "GET" and (
+        asks_for_websocket(request) or any(name in request.headers for name in names)
+    )
+
+
+def speaks_another_version(request: Request) -> bool:
+    """Return True if a handshake is for another version of the WebSocket protocol than ours."""
+    versions = request.headers.get_all("Sec-WebSocket-Version")
+    return len(versions) == 1 and versions[0] != _VERSION
+
+
+def answer_version(connection: ServerConnection) -> Response:
+    """Return the refusal of another version of the WebSocket protocol (RFC 6455 section 4.4)."""
+    text = f"Expected Sec-WebSocket-Version: {_VERSION}\n"
+    response = connection.respond(HTTPStatus.UPGRADE_REQUIRED, text)
+    response.headers["Upgrade"] = "websocket"
+    response.headers["Sec-WebSocket-Version"] = _VERSION
+    return response
+
+
+def _set(request: Request, name: str, value: str) -> None:
+    """Give a request one header in place of all of that name."""
+    if name in request.headers:
+        del request.headers[name]
+    request.headers[name] = value
 
 
 def accepts(request: Request, header: str, value: str) -> bool:

@@ -60,11 +60,16 @@ from rosbridge_sim.shell.websocket.http_answers import (
     answer_late,
     answer_map,
     answer_moved,
+    answer_version,
     answer_with,
+    asks_for_websocket,
     is_upgrade,
     links_of,
     method_of,
     not_allowed,
+    read_target,
+    settle_upgrade,
+    speaks_another_version,
 )
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import MemoryReturn, resident_bytes, trim_memory
@@ -387,14 +392,22 @@ class Server:
         """Answer a plain HTTP request; return None to continue the WebSocket handshake."""
         assert isinstance(connection, ServedConnection)
         try:
-            answer = self._judge_request(connection, request)
+            read_target(request)
+            answer = not_allowed(connection, request) or self._judge_request(connection, request)
         except Exception:  # noqa: BLE001 - an internal error; the library would give the same answer, but not log it
             answer = self._regret_request(connection)
         if answer is None or isinstance(answer, Response):
-            if answer is not None:
-                connection.begin_last_answer()
-            return answer
+            return self._finish(connection, request, answer)
         return self._answer_in_time(connection, request, answer)
+
+    @staticmethod
+    def _finish(connection: ServedConnection, request: Request, response: Response | None) -> Response | None:
+        """Begin to send an answer, if there is one. HEAD gets the headers alone (RFC 9110 section 9.3.2)."""
+        if response is not None:
+            if method_of(request) == "HEAD":
+                response.body = b""
+            connection.begin_last_answer()
+        return response
 
     async def _answer_in_time(
         self, connection: ServedConnection, request: Request, answer: Awaitable[Response | None]
@@ -411,9 +424,7 @@ class Server:
             response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "The server is busy; try again\n")
         except Exception:  # noqa: BLE001 - as above
             response = self._regret_request(connection)
-        if response is not None:
-            connection.begin_last_answer()
-        return response
+        return self._finish(connection, request, response)
 
     def _regret_request(self, connection: ServerConnection) -> Response:
         """Count and log the current exception; answer that the server has failed."""
@@ -442,17 +453,16 @@ class Server:
     ) -> Response | Awaitable[Response | None] | None:
         is_root = path in {"", "/"}
         if is_root and is_upgrade(request):
-            return self._judge_handshake(connection, request) if "Upgrade" in request.headers else None
-        refusal = not_allowed(connection, request)
+            return self._judge_handshake(connection, request) if asks_for_websocket(request) else None
         if is_root and (self.page is None or not accepts(request, "Accept", "text/html")):
-            return refusal or self._tell_links(connection, request)
+            return self._tell_links(connection, request)
         if self.page is not None and (path or "/") in PATHS:
-            return refusal or self._answer_page(connection, request, self.page, path or "/")
+            return self._answer_page(connection, request, self.page, path or "/")
         page = self.page
         if page is not None and path + "/" in page.folders:
             return answer_moved(connection, path)
         if page is not None and (folder := page.folder_of(path)) is not None:
-            return refusal or self._answer_below(connection, request, page, folder)
+            return self._answer_below(connection, request, page, folder)
         return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
 
     async def _answer_page(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
@@ -479,8 +489,6 @@ class Server:
         body = links_of(paths, has_version=access.judge_data(request, self.own_names) is None)
         response = answer_with(connection, HTTPStatus.OK, body, JSON_KIND)
         response.headers["Vary"] = "Accept"
-        if method_of(request) == "HEAD":
-            response.body = b""
         if access.is_shown(request) or not access.shows_any(request):
             return response
         assert isinstance(connection, ServedConnection)
@@ -491,6 +499,9 @@ class Server:
         self, connection: ServerConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
         assert isinstance(connection, ServedConnection)
+        if speaks_another_version(request):
+            return answer_version(connection)
+        settle_upgrade(request)
         access = self._limits.access
         refusal = self._judge(request)
         if refusal is None:
