@@ -179,7 +179,7 @@ class Parameters:
         """Return the names that begin with a prefix, in sorted order.
 
         Args:
-            prefix: ends with a slash.
+            prefix: ends with a slash or a colon.
         """
         return self._names[slice(*self._range(prefix))]
 
@@ -249,11 +249,8 @@ class Parameters:
             raise GraphError("The value is nested too deeply") from None
 
     def _range(self, prefix: str) -> tuple[int, int]:
-        """Return the slice of the names with a prefix, which ends with a slash.
-
-        The slice ends where names with the next character, the digit 0, would begin.
-        """
-        return bisect_left(self._names, prefix), bisect_left(self._names, prefix[:-1] + "0")
+        """Return the slice of the names with a prefix. It ends where names with the next character would begin."""
+        return bisect_left(self._names, prefix), bisect_left(self._names, prefix[:-1] + chr(ord(prefix[-1]) + 1))
 
     # Limits
 

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Self, TypeVar, Unpack
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.node_parameters import provide_node_parameters
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
@@ -321,6 +322,7 @@ class Simulator:
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
         self._reports = ServerTopics(bus, server, loop, refusals, limits.policy, ages=self._bridge_ages)
+        provide_node_parameters(bus, limits.policy, is_simulated=_has_simulated_stamps(settings))
         server.render_metrics = Metrics(
             loop, server, node, refusals, lambda: self.num_bugs, ages=self._bridge_ages
         ).render
@@ -575,6 +577,10 @@ def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
     if error.errno == errno.EACCES:
         return f"{where}: not allowed; expected a port from 1024 on"
     return f"{where}: {os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or error}"
+
+
+def _has_simulated_stamps(settings: Settings) -> bool:
+    return settings.world and settings.stamps in {None, "sim"} and not settings.attach
 
 
 class _WallClockBus(Bus):
