@@ -28,6 +28,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 
@@ -114,8 +115,11 @@ class Actionlib:
         self._feedback, self._feedback_type = advertise("feedback", f"{action.type.name}ActionFeedback")
         self._result, self._result_type = advertise("result", f"{action.type.name}ActionResult")
         self._status, self._status_type = advertise("status", "actionlib_msgs/GoalStatusArray")
-        bus.subscribe(owner, f"{action.name}/goal", self._receive_goal, type_name=f"{action.type.name}ActionGoal")
-        bus.subscribe(owner, f"{action.name}/cancel", self._receive_cancel, type_name="actionlib_msgs/GoalID")
+        for name, deliver, type_name in (
+            ("goal", self._receive_goal, f"{action.type.name}ActionGoal"),
+            ("cancel", self._receive_cancel, "actionlib_msgs/GoalID"),
+        ):
+            bus.subscribe(owner, f"{action.name}/{name}", deliver, type_name=type_name, limits=BodyLimits())
         bus.on_leave.append(self._on_leave)
 
     # Time

@@ -25,8 +25,8 @@ from rosbridge_sim.graph.participant import Participant, decode_body, gives_way,
 from rosbridge_sim.graph.service_table import ServiceTable
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.graph.type_resolution import TypeResolver
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
-from rosbridge_sim.protocol.request_limits import RequestLimits
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import ActionType
 from rosbridge_sim.schema.opaque_types import OpaqueActionType
@@ -76,7 +76,7 @@ OnFeedback = Callable[[Message], None]
 OnOutcome = Callable[[GoalOutcome], None]
 
 
-_LIMITS: Final = RequestLimits()
+_LIMITS: Final = BodyLimits()
 """Of a goal of an action of this server's own."""
 
 

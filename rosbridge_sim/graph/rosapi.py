@@ -21,7 +21,7 @@ from rosbridge_sim.graph.parameters import MAX_PARAMETERS, MAX_VALUE_PARTS
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
-from rosbridge_sim.protocol.request_limits import RequestLimits
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.records import asdict
 from rosbridge_sim.schema.definitions.names import DefinitionKind
 from rosbridge_sim.schema.definitions.typedefs import full_text, typedefs
@@ -40,9 +40,7 @@ MAX_RAW_CHARS = 8 * 2**20
 """Largest size of the definitions in one answer: enough for a thousand topics of the longest types. An answer is held
 as values, as text and as a frame, and a client may ask for several at once."""
 
-_SET_LIMITS = RequestLimits(
-    num_bytes=4 * 2**20, containers=MAX_VALUE_PARTS, texts=MAX_VALUE_PARTS, values=MAX_VALUE_PARTS
-)
+_SET_LIMITS = BodyLimits(num_bytes=4 * 2**20, containers=MAX_VALUE_PARTS, texts=MAX_VALUE_PARTS, values=MAX_VALUE_PARTS)
 """Of a request to set a parameter, whose value is JSON text. A value of 4 MB takes 20 ms."""
 
 _OMITTED = (

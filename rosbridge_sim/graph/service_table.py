@@ -14,8 +14,8 @@ from rosbridge_sim.graph.bus_state import BusState
 from rosbridge_sim.graph.participant import Participant, gives_way, resolve, size_of_body, take_over
 from rosbridge_sim.graph.topics_services import Answer, Call, Handle, OnAnswer, Service
 from rosbridge_sim.graph.type_resolution import TypeResolver
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
-from rosbridge_sim.protocol.request_limits import RequestLimits
 
 __all__ = ["MAX_CALLS", "MAX_STALE", "ServiceTable"]
 
@@ -62,7 +62,7 @@ class ServiceTable:
         handle: Handle,
         *,
         is_exclusive: bool = False,
-        limits: RequestLimits | None = None,
+        limits: BodyLimits | None = None,
     ) -> Service:
         """Offer a service. The last owner to offer a name gets it; callers of the previous one are told at once.
 
@@ -89,7 +89,7 @@ class ServiceTable:
                 self._state.guard.attempt("the loss of a service", take_over, old.owner, "service", name, owner)
             self._drop_service(old, f"Service {name} was unadvertised")
         if limits is None and is_exclusive:
-            limits = RequestLimits()
+            limits = BodyLimits()
         service = Service(name, service_type, owner, handle, is_exclusive, limits)
         self.by_name[name] = service
         self._state.held_by(owner).services[service] = None

@@ -18,6 +18,7 @@ from rosbridge_sim.graph.topics_services import Deliver, Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.graph.unheard import UnheardTopics
 from rosbridge_sim.graph.unpublished import UnpublishedTopics
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 
@@ -124,6 +125,7 @@ class TopicTable:
         notify: Notify | None = None,
         is_general: bool = False,
         is_recording: bool = False,
+        limits: BodyLimits | None = None,
     ) -> Subscription:
         """Subscribe to a topic. Latched messages are not delivered here: the caller reads `subscription.topic.latched`.
 
@@ -139,6 +141,7 @@ class TopicTable:
             notify: tells the owner something about the subscription; None means `owner.notify`.
             is_general: see `Subscription`.
             is_recording: see `Subscription`.
+            limits: see `Subscription`.
 
         Raises:
             GraphError: the topic has another type, or no type is given and the topic is not advertised.
@@ -157,6 +160,7 @@ class TopicTable:
             notify or owner.notify,
             is_general=is_general,
             is_recording=is_recording,
+            limits=limits,
         )
         topic.add(subscription)
         self._state.held_by(owner).subscriptions[subscription] = None

@@ -14,14 +14,14 @@ import msgspec
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Notify, Participant, decode_body, is_guest
 from rosbridge_sim.protocol.account import Account, HeldMessages
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
-from rosbridge_sim.protocol.request_limits import RequestLimits
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType, ServiceType
 from rosbridge_sim.schema.opaque_types import OpaqueServiceType, OpaqueType
 
-__all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "RequestLimits", "Service", "Subscription", "Topic"]
+__all__ = ["Answer", "BodyLimits", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
 
 Deliver = Callable[["Topic", Message, Participant, float], None]
 """`(topic, message, sender, now)`; a PeerError that it raises is sent back to the sender."""
@@ -57,6 +57,7 @@ class Subscription:
         notify: tells its owner something about it.
         is_general: its owner subscribes to everything of a publisher, not to this topic in particular.
         is_recording: its owner stores the messages, so it must not get messages that are only shown again.
+        limits: of the topic's messages from clients; None for none.
     """
 
     topic: Topic
@@ -67,6 +68,7 @@ class Subscription:
     notify: Notify
     is_general: bool = False
     is_recording: bool = False
+    limits: BodyLimits | None = None
 
     @property
     def fits(self) -> bool:
@@ -98,6 +100,7 @@ class Topic:
         owner: the only owner that may publish, for the simulator's outputs; None if all may.
         on_demand: publishers that are silent while there is no subscriber.
         orphaned_at: when the last publisher left [s]; None while there is one.
+        limits: of a message from a client, if a part of the server reads the topic; None for none.
     """
 
     name: str
@@ -112,6 +115,7 @@ class Topic:
     owner: Participant | None = None
     on_demand: dict[Participant, None] = field(default_factory=dict)
     orphaned_at: float | None = None
+    limits: BodyLimits | None = None
 
     @property
     def is_latching(self) -> bool:
@@ -142,6 +146,15 @@ class Topic:
         return any(not is_guest(owner) for owner in self.publishers) or any(
             subscription.is_binding for subscription in self.all_subscriptions
         )
+
+    def check(self, body: OpBody) -> None:
+        """Check a client's message that is not converted yet.
+
+        Raises:
+            FieldError: it is larger than the server takes on this topic.
+        """
+        if self.limits is not None:
+            self.limits.check(self.name, body, "message")
 
     def settle(self, message_type: MessageType | OpaqueType) -> None:
         """Fix the type, and tell the subscriptions that ask for another one (for the bus alone).
@@ -180,6 +193,7 @@ class Topic:
     def add(self, subscription: Subscription) -> None:
         """Add a subscription."""
         self.all_subscriptions += (subscription,)
+        self.limits = subscription.limits or self.limits
         if subscription.fits or not self.is_settled:
             self.subscriptions += (subscription,)
 
@@ -187,6 +201,8 @@ class Topic:
         """Remove a subscription."""
         self.subscriptions = _without(self.subscriptions, subscription)
         self.all_subscriptions = _without(self.all_subscriptions, subscription)
+        if subscription.limits is not None:
+            self.limits = next((each.limits for each in self.all_subscriptions if each.limits is not None), None)
         if not self.is_settled:
             self.unsettle()
 
@@ -290,7 +306,7 @@ class Service:
     owner: Participant
     handle: Handle
     is_exclusive: bool = False
-    limits: RequestLimits | None = None
+    limits: BodyLimits | None = None
     calls: dict[Call, None] = field(default_factory=dict)
 
     def decode_request(self, args: OpBody, stamp_ns: int, caller: Participant) -> object:

@@ -1,4 +1,4 @@
-"""Hostile values in each field of each service, made from the types: the short sibling of `hostile_fields.py`."""
+"""Hostile values in each field of each service and input topic: the short sibling of `hostile_fields.py`."""
 
 from __future__ import annotations
 
@@ -7,10 +7,15 @@ from typing import Any
 import orjson
 import pytest
 
+from rosbridge_sim.graph.peers.publish_reader import LEARN_EACH
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
-from rosbridge_sim.graph.topics_services import Service
+from rosbridge_sim.graph.topics_services import Service, Topic
+from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.schema.definitions.message_spec import FieldSpec
+from rosbridge_sim.simulator.replays.network_replay import MAX_OBJECTS
+from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from scripts.soak.hostile_fields import Target, bodies, paths, type_of, wrap
 from tests.graph.bus_fixture import Wire
 from tests.simulator.sim_harness import SimHarness
@@ -36,6 +41,13 @@ def services(stand: SimHarness) -> list[Service]:
     return found
 
 
+def inputs(stand: SimHarness) -> list[Topic]:
+    """The topics that a part of the server subscribes to."""
+    found = [topic for topic in stand.bus.topics.values() if any(one.is_binding for one in topic.all_subscriptions)]
+    assert len(found) > 15
+    return found
+
+
 def answer(wire: Wire, frame: bytes) -> dict[str, Any]:
     """The only answer to a call."""
     wire.peer.receive(frame, 0.0)
@@ -43,13 +55,12 @@ def answer(wire: Wire, frame: bytes) -> dict[str, Any]:
     return found
 
 
-def too_long(service: Service, field: FieldSpec) -> bytes:
-    """The shortest value of a field that is too long for the service: of a list, by its number of elements."""
-    assert service.limits is not None
+def too_long(limits: BodyLimits, field: FieldSpec) -> bytes:
+    """The shortest value of a field that is beyond the limits: of a list, by its number of elements."""
     if field.definition.array is None:
-        return b'"' + b"x" * service.limits.num_bytes + b'"'
+        return b'"' + b"x" * limits.num_bytes + b'"'
     element = b"{}" if field.nested is not None else b'""' if field.definition.type == "string" else b"1"
-    most = {b"{}": service.limits.containers, b'""': service.limits.texts, b"1": service.limits.values}[element]
+    most = {b"{}": limits.containers, b'""': limits.texts, b"1": limits.values}[element]
     return b"[" + b",".join([element] * (most + 2)) + b"]"
 
 
@@ -63,11 +74,51 @@ def test_each_text_and_list_of_each_service_is_bounded_before_it_is_converted(st
             if is_snapshot and (field.definition.array is None or field.definition.is_bytes):
                 continue
             assert is_snapshot or service.limits.num_bytes <= LONGEST_TEXT
-            got = answer(wire, target.frame(wrap(path, too_long(service, field)), "c"))
+            got = answer(wire, target.frame(wrap(path, too_long(service.limits, field)), "c"))
             assert (got["id"], got["service"], got["result"]) == ("c", service.name, False)
             assert got["values"].startswith(f"{service.name}: expected a request of at most "), (path, got)
             num += 1
     assert num > 60
+
+
+def test_each_text_and_list_of_each_input_topic_is_bounded_before_it_is_converted(stand: SimHarness) -> None:
+    wire, num = Wire(stand.bus), 0
+    for topic in inputs(stand):
+        target = Target("publish", topic.name, topic.type.name)
+        assert topic.limits is not None, topic.name
+        for path, field in paths(type_of(target, stand.bus.store)):
+            wire.peer.receive(target.frame(wrap(path, too_long(topic.limits, field)), "p"), 0.0)
+            (got,) = wire.hears()
+            assert (got["op"], got["level"], got["id"]) == ("status", "error", "p")
+            assert got["msg"].startswith(f"{topic.name}: expected a message of at most "), (path, got)
+            num += 1
+    assert num > 40
+
+
+def test_limits_hold_on_a_topic_that_the_client_publishes_on_often(stand: SimHarness) -> None:
+    wire = Wire(stand.bus)
+    target = Target("publish", "/ego_setting", "morai_msgs/MultiEgoSetting")
+    for _ in range(LEARN_EACH + 1):
+        wire.peer.receive(target.frame(b"{}", "p"), 0.0)
+    assert not wire.hears()
+    wire.peer.receive(target.frame(wrap(("gear",), b"[" + b"1," * 20_000 + b"1]"), "p"), 0.0)
+    (got,) = wire.hears()
+    assert (got["id"], got["msg"]) == ("p", "/ego_setting: expected a message of at most 10,000 values, got 20,000")
+
+
+def test_messages_as_large_as_the_world_pass(stand: SimHarness) -> None:
+    place, header = dict.fromkeys("xyz", -1234.5678901234567), {"stamp": {"secs": 1, "nsecs": 5}, "frame_id": "map"}
+    npc = {"name": "2016_Hyundai_Ioniq", "position": place}
+    motion = {"heading": 1.5, "velocity": place, "acceleration": place, "size": place, "type": 1}
+    stamped = {"header": header, "transform": {"rotation": {**place, "w": 1.0}, "translation": place}}
+    for name, message in (
+        ("NpcGhost_Topic", {"npc_list": [{**npc, "rpy": place, "unique_id": i} for i in range(MAX_ENTITIES)]}),
+        ("ReplayInfo_topic", {"npc_list": [{**npc, **motion, "unique_id": i} for i in range(MAX_OBJECTS)]}),
+        ("tf", {"transforms": [{**stamped, "child_frame_id": f"frame_{i}"} for i in range(MAX_TF_FRAMES)]}),
+    ):
+        topic = stand.bus.find_topic(name)
+        assert topic is not None
+        topic.check(orjson.dumps(message))
 
 
 def test_each_hostile_call_gets_one_answer(stand: SimHarness) -> None:

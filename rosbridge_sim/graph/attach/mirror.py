@@ -262,6 +262,7 @@ class Mirror(FarSide):
         if topic is None:
             self.note_now(logging.WARNING, f"it sent a message of {op.topic}, which has no subscription here")
             return
+        topic.check(op.msg)
         value = decode_body(topic.type, op.msg, self.bus.stamp_ns)
         self.bus.publish(self, topic, Message(topic.type, value), now)
 

@@ -133,6 +133,9 @@ class PeerTopics:
         message_type = self._type_to_publish(op) if topic is None else topic.type
         message: object = op.msg
         if not isinstance(message, Message):  # else the reader has read it
+            target = bus.find_topic(op.topic) if topic is None else topic
+            if target is not None:
+                target.check(op.msg)
             value = decode_body(message_type, op.msg, bus.stamp_ns)
             message = Message(message_type, value, self._session.frame_length)
             if self.is_searching and op.topic not in self._searched:

@@ -34,8 +34,8 @@ _STARTS = (b'{"op":"publish",', b'{"op": "publish",')
 """Starts of the frames that are tried: those of clients in JavaScript, and of clients in Python."""
 
 CHEAP = 8 * 1024
-"""A frame up to this length takes at most half as long to decode as one of `LONG`, so it may be decoded twice
-[bytes]."""
+"""A frame up to this length takes at most half as long to decode as one of `LONG`, so it may be decoded twice [bytes].
+It is within all `BodyLimits`, too."""
 
 MAX_EXPONENTS = 1 / 16
 """Most letters `e` in each byte of a longer frame: decoding numbers with large exponents takes 8 us each, and a frame
@@ -59,7 +59,7 @@ class _ReadPublish(msgspec.Struct, frozen=True, tag_field="topic", kw_only=True)
 class PublishReader:
     """The reader of one client's frames."""
 
-    __slots__ = ("_decode", "_kinds", "_num_left", "_publications", "_session", "_state")
+    __slots__ = ("_decode", "_has_limits", "_kinds", "_num_left", "_publications", "_session", "_state")
 
     _decode: Callable[[bytes], Any]  # set by `_learn`, before the session gets this reader
 
@@ -75,6 +75,7 @@ class PublishReader:
         self._state = state
         self._session = session
         self._num_left = LEARN_EACH
+        self._has_limits = False
         self._kinds: dict[str, Any] = {}  # classes that are made here, by spelling
 
     def note_usual(self, spelling: str, topic: Topic) -> None:
@@ -89,6 +90,7 @@ class PublishReader:
             self._num_left = LEARN_EACH
             if isinstance(topic.type, MessageType):
                 self._learn(spelling, topic.type)
+                self._has_limits |= topic.limits is not None
 
     def _learn(self, spelling: str, message_type: MessageType) -> None:
         known = self._kinds.get(spelling)
@@ -122,12 +124,17 @@ class PublishReader:
         Args:
             frame: JSON text, short enough to be decoded in one call.
         """
-        if not frame.startswith(_STARTS) or (len(frame) > CHEAP and _may_be_slow(frame)):
+        if not frame.startswith(_STARTS):
+            return None
+        if len(frame) > CHEAP and (self._has_limits or _may_be_slow(frame)):
             return None
         try:
             read = self._decode(frame)
             topic = self._publications.get(read.spelling)
             if topic is None or topic.type is not read.message_type:
+                return None
+            if topic.limits is not None and len(frame) > CHEAP:  # a part of the server reads the topic by now
+                self._has_limits = True
                 return None
             if read.finalize is not None:
                 read.finalize(read.msg, self._state.stamp_ns)

@@ -32,7 +32,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.bus_state import earliest
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
-from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
+from rosbridge_sim.graph.topics_services import BodyLimits, Call, Subscription, Topic
 from rosbridge_sim.graph.ways import REPUBLISH_SERVICE, REPUBLISHER_NAME
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
@@ -56,6 +56,11 @@ MAX_FRAME_PAIRS = 5_000
 OWN_STREAMS = 100
 OWN_PAIRS = 500
 """The same limits for one client."""
+
+_LIMITS = BodyLimits(
+    num_bytes=2**20, containers=6 * MAX_TF_FRAMES + 100, texts=25 * MAX_TF_FRAMES, values=25 * MAX_TF_FRAMES
+)
+"""Of a message with as many transforms as are kept: each has 0.5 kB, 6 objects, 21 names and texts, 17 values."""
 
 _LONGEST_WAIT = 3_600.0
 """A longer timer is not set [s]."""
@@ -207,7 +212,9 @@ class WebRepublisher:
             if problem is not None:
                 raise problem
 
-        subscription = self._bus.subscribe(self, name, hear, type_name="tf2_msgs/TFMessage", is_idle=True)
+        subscription = self._bus.subscribe(
+            self, name, hear, type_name="tf2_msgs/TFMessage", is_idle=True, limits=_LIMITS
+        )
         for sender, messages in subscription.topic.kept.items():
             for message in messages.messages():
                 self._put(message, sender, is_static=is_static)

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, gives_way
-from rosbridge_sim.graph.topics_services import Call, Handle, RequestLimits, Subscription, Topic
+from rosbridge_sim.graph.topics_services import BodyLimits, Call, Handle, Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import Interface, InterfaceRegistry, why_no_topic
@@ -23,7 +23,7 @@ Take = Callable[[Any, Participant, float], None]
 """`(message's struct, sender, now)`; if it raises a PeerError, the sender gets a status."""
 
 
-_USUAL: Final = RequestLimits()
+_USUAL: Final = BodyLimits()
 
 
 class SubscribersServices:
@@ -45,7 +45,7 @@ class SubscribersServices:
         handle: Handle,
         *,
         is_everywhere: bool = True,
-        limits: RequestLimits = _USUAL,
+        limits: BodyLimits = _USUAL,
     ) -> None:
         """Offer a service that no other participant may offer.
 
@@ -68,7 +68,9 @@ class SubscribersServices:
 
         self._add(_Service(name, self.prefix, type_name, handle_while_open, limits), is_everywhere=is_everywhere)
 
-    def listen(self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True) -> None:
+    def listen(
+        self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True, limits: BodyLimits = _USUAL
+    ) -> None:
         """Subscribe to an input topic.
 
         Args:
@@ -76,6 +78,7 @@ class SubscribersServices:
             type_name: of `morai_msgs` if it names no package.
             take: takes each message.
             is_everywhere: every release has the type. If false, nothing is subscribed to where a release lacks it.
+            limits: of a message.
 
         Raises:
             GraphError: a client has given the topic another type.
@@ -87,7 +90,7 @@ class SubscribersServices:
             check_open()
             take(message, sender, now)
 
-        self._add(_Subscriber(name, self.prefix, type_name, take_while_open), is_everywhere=is_everywhere)
+        self._add(_Subscriber(name, self.prefix, type_name, take_while_open, limits), is_everywhere=is_everywhere)
 
     def service(self, name: str) -> str:
         """Return the name of a service on the bus.
@@ -131,7 +134,7 @@ class _Service(Interface):
 
     kind = InterfaceKind.SERVICE
 
-    def __init__(self, name: str, prefix: str, type_name: str, handle: Handle, limits: RequestLimits) -> None:
+    def __init__(self, name: str, prefix: str, type_name: str, handle: Handle, limits: BodyLimits) -> None:
         super().__init__("/" + name, prefix, _full(type_name))
         self._handle = handle
         self._limits = limits
@@ -155,16 +158,17 @@ class _Subscriber(Interface):
 
     kind = InterfaceKind.SUBSCRIBER
 
-    def __init__(self, name: str, prefix: str, type_name: str, take: Take) -> None:
+    def __init__(self, name: str, prefix: str, type_name: str, take: Take, limits: BodyLimits) -> None:
         super().__init__("/" + name, prefix, _full(type_name))
         self._take = take
+        self._limits = limits
         self._subscription: Subscription | None = None
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
         def deliver(_topic: Topic, message: Message, sender: Participant, now: float) -> None:
             self._take(message.value, sender, now)
 
-        self._subscription = bus.subscribe(owner, name, deliver, type_name=self.type_name)
+        self._subscription = bus.subscribe(owner, name, deliver, type_name=self.type_name, limits=self._limits)
 
     def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - it owns nothing
         assert self._subscription is not None

@@ -17,6 +17,7 @@ from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import BodyLimits
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import (
     AUTO_MODE,
@@ -48,6 +49,11 @@ MANY_GHOSTS: Final = 2_000
 """More vehicles in one message are placed in turns of their own: to decode 2,000 takes a millisecond, to read them
 another one, and to place them three."""
 
+_GHOST_LIMITS: Final = BodyLimits(
+    num_bytes=10 * 2**20, containers=3 * MAX_ENTITIES + 100, texts=16 * MAX_ENTITIES, values=16 * MAX_ENTITIES
+)
+"""Of a message with as many vehicles as the world holds: each has 0.4 kB, 3 objects, 15 names and texts, 15 values."""
+
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
@@ -71,7 +77,7 @@ class CommandTopics(Component):
     def bind(self, bindings: SubscribersServices) -> None:
         """Subscribe to the topics for all egos and vehicles."""
         bindings.listen("ego_setting", "MultiEgoSetting", partial(self._ego_setting, bindings))
-        bindings.listen("NpcGhost_Topic", "NpcGhostCmd", partial(self._npc_ghosts, bindings))
+        bindings.listen("NpcGhost_Topic", "NpcGhostCmd", partial(self._npc_ghosts, bindings), limits=_GHOST_LIMITS)
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Subscribe to the topics of one ego; the first ego has two names for its control."""

@@ -7,10 +7,12 @@ the replay. After such a command the source is ignored until it has been silent 
 from __future__ import annotations
 
 import logging
+from collections.abc import Generator
 from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import BodyLimits
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -19,13 +21,23 @@ from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.simulator.replays.state_machine import REPLAY_TABLE, ReplayEffect, ReplayEvent, ReplayState
-from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 
 __all__ = ["NetworkReplay"]
 
 SILENCE: Final = 50
 """Frames without a message after which an ignored source is heard again: its replay has ended, and the next message
 begins another one. A far bridge never leaves, because many clients behind it appear as one."""
+
+MAX_OBJECTS: Final = 10_000
+"""Most objects in one message, as many as one step of the world is made for: to decode them takes 25 ms."""
+
+MANY_OBJECTS: Final = 2_000
+"""More objects are read in turns of their own: 10,000 take 25 ms to put together, and as long to check."""
+
+_LIMITS: Final = BodyLimits(
+    num_bytes=6 * 2**20, containers=5 * MAX_OBJECTS + 100, texts=24 * MAX_OBJECTS, values=24 * MAX_OBJECTS
+)
+"""Of a message with as many: each has 0.5 kB, 5 objects, 22 names and texts, and 20 values."""
 
 _log = logging.getLogger("rosbridge_sim.replay")
 
@@ -62,7 +74,7 @@ class NetworkReplay:
         Args:
             bindings: take the subscription.
         """
-        bindings.listen("ReplayInfo_topic", "ReplayInfo", self._hear)
+        bindings.listen("ReplayInfo_topic", "ReplayInfo", self._hear, limits=_LIMITS)
         self._bindings = bindings
 
     def settle(self, now: float) -> None:
@@ -105,28 +117,46 @@ class NetworkReplay:
         Raises:
             FieldError: too many objects, or a number that is not finite or out of range. Nothing has changed.
         """
-        topic, state = self._bindings.topic("ReplayInfo_topic"), self._process.state
-        why = REPLAY_TABLE[state][ReplayEvent.MESSAGE].why
-        if sender is self._context.participant or self._info.is_echo(message):
+        if sender is self._context.participant or self._info.is_echo(message) or self._is_ignored(sender):
             return
+        topic = self._bindings.topic("ReplayInfo_topic")
+        num = len(message.npc_list) + len(message.pedestrian_list) + len(message.obstacle_list)
+        if num > MAX_OBJECTS:
+            raise FieldError(f"{topic}: expected at most {MAX_OBJECTS:,} objects in one message, got {num:,}")
+        parts = self._follow(message, sender, topic, now)
+        if num > MANY_OBJECTS:
+            self._context.late_work.do(parts, sender, topic)
+        else:
+            for _ in parts:
+                pass
+
+    def _is_ignored(self, sender: Participant) -> bool:
+        """Return whether messages of a client are ignored now; it is warned if so."""
+        state = self._process.state
+        why = REPLAY_TABLE[state][ReplayEvent.MESSAGE].why
         if not why and sender is self._ignored:
             why = "the replay was stopped"
             self._ignored_at = self._context.world.frame
         if not why and state is ReplayState.FOLLOWING and sender is not self._source:
             why = "another client replays already"
         if why:
-            self._context.warnings.warn(sender, f"{topic} is ignored: {why}")
-            return
-        num = len(message.npc_list) + len(message.pedestrian_list) + len(message.obstacle_list)
-        if num > MAX_ENTITIES:
-            raise FieldError(f"{topic}: the world holds {MAX_ENTITIES:,} at most, got {num:,} objects")
+            self._context.warnings.warn(sender, f"{self._bindings.topic('ReplayInfo_topic')} is ignored: {why}")
+        return bool(why)
+
+    def _follow(self, message: Struct, sender: Participant, topic: str, now: float) -> Generator[None, None, None]:
+        """Read a message and move the world by it, in parts; see `LateWork`."""
         reading = RecordingBuilder(topic, self._context.convert)
         reading.take_pedals(message, (0, 0))
         reading.take_objects(message, (0, 0))
+        yield
         recording = reading.finish()
         if recording.notes:
             raise FieldError(f"{topic}: {recording.notes[0]}")
-        if state is ReplayState.SIMULATING:
+        yield
+        self._context.interfaces.check_open()  # the world may have failed meanwhile
+        if self._is_ignored(sender):  # a command, or another client, may have come before
+            return
+        if self._process.state is ReplayState.SIMULATING:
             _log.info("%s replays a recording over %s", sender.name, topic)
         self._source = sender
         self._playback.choose(recording)

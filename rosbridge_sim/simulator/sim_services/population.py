@@ -17,7 +17,7 @@ from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import explain
-from rosbridge_sim.graph.topics_services import Call, RequestLimits
+from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting, GhostPose
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -58,7 +58,7 @@ MAX_REMOVED: Final = 500
 MAX_PATH_SEGMENTS: Final = 200_000
 """Segments of all paths in the world after a call: 18 MB, and a snapshot of them takes some 10 ms."""
 
-_LIMITS: Final = RequestLimits(num_bytes=512 * 1024, containers=5_000, texts=15_000, values=15_000)
+_LIMITS: Final = BodyLimits(num_bytes=512 * 1024, containers=5_000, texts=15_000, values=15_000)
 """Of a request with as many objects, points and links as `object_parsing` permits: 0.3 MB, 3,000 objects and lists."""
 
 MAX_ROUTE_LINKS: Final = 200_000

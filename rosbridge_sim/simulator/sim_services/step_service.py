@@ -24,7 +24,7 @@ from typing import Any, Final, NamedTuple
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, check_reading, explain, may_read, notifier, resolve
-from rosbridge_sim.graph.topics_services import Call, RequestLimits
+from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
@@ -43,7 +43,7 @@ __all__ = ["StepService"]
 MAX_STEPS: Final = 1_000
 """Steps of one call: 20 s of simulated time at the shortest time step, and up to 1,000 s at the longest."""
 
-_LIMITS: Final = RequestLimits(num_bytes=2 * 2**20, containers=10_100, texts=100_000, values=100_000)
+_LIMITS: Final = BodyLimits(num_bytes=2 * 2**20, containers=10_100, texts=100_000, values=100_000)
 """Of a request with 10,000 commands, such as those of ten egos for a thousand steps."""
 
 MAX_TOPICS: Final = 32

@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, check_reading, explain
-from rosbridge_sim.graph.topics_services import Call, RequestLimits
+from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -52,7 +52,7 @@ LARGE: Final = 2**20
 HASHED_TYPES: Final = ("CtrlCmd", "EgoVehicleStatus", "ObjectStatus", "EventInfo")
 """Messages that stand for a release: each release has changed one of them."""
 
-_LIMITS: Final = RequestLimits(num_bytes=2**30)
+_LIMITS: Final = BodyLimits(num_bytes=2**30)
 """Of a request with the bytes of a snapshot: one text, which may be as long as a frame."""
 
 _log = logging.getLogger("rosbridge_sim.morai")

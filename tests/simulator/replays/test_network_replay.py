@@ -9,8 +9,9 @@ import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.simulator.replays import network_replay
+from rosbridge_sim.simulator.replays.network_replay import MAX_OBJECTS
 from rosbridge_sim.simulator.replays.recording_builder import MAX_RECORDED_ENTRIES
-from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from tests.simulator.memory_recordings import MemoryRecordings
 from tests.simulator.replays.replay_harness import (
     FILE,
@@ -130,16 +131,35 @@ def test_invalid_number_is_reported_to_its_sender(harness: SimHarness) -> None:
     assert not harness.node.scene.is_replaying
 
 
-@pytest.mark.parametrize("num", [MAX_ENTITIES + 1, MAX_RECORDED_ENTRIES + 1])
-def test_a_message_of_more_objects_than_the_world_holds_is_refused(num: int) -> None:
+@pytest.mark.parametrize("num", [MAX_OBJECTS + 1, MAX_RECORDED_ENTRIES + 1])
+def test_a_message_of_too_many_objects_is_refused(num: int) -> None:
     harness = SimHarness()
     topic = harness.bus.advertise(harness.client(), INFO, "morai_msgs/ReplayInfo")
     value: Any = topic.type.check({"npc_list": [{}]}, 0)
     value.npc_list *= num
     before = harness.world.digest()
-    with pytest.raises(FieldError, match=f"{INFO}: the world holds 20,000 at most, got {num:,} objects"):
+    with pytest.raises(FieldError, match=f"{INFO}: expected at most 10,000 objects in one message, got {num:,}"):
         harness.bus.publish(harness.client(), topic, Message(topic.type, value), 0.0)
     assert harness.world.digest() == before
+
+
+def test_many_objects_are_read_in_turns_and_then_moved_at_once(
+    monkeypatch: pytest.MonkeyPatch, harness: SimHarness, recordings: MemoryRecordings
+) -> None:
+    monkeypatch.setattr(network_replay, "MANY_OBJECTS", 0)
+    harness.node.limit_turns(lambda: 0.0)
+    first, second = harness.client(), harness.client()
+    info = replay_info_messages(recordings)[0]
+    assert info["npc_list"]
+    for player in (first, second):
+        player.send(INFO, "morai_msgs/ReplayInfo", **info)
+    late_work, turns = harness.node.context.late_work, 0
+    while len(late_work):
+        assert harness.node.scene.is_replaying is (turns >= 3), "the last of three parts moves the world"
+        turns += late_work.take_turn(0.0)
+    assert turns == 6
+    assert second.told == [("warning", f"{INFO} is ignored: another client replays already")]
+    assert not first.told
 
 
 def test_echoes_of_a_drive_from_a_far_bridge_are_not_followed(harness: SimHarness, client: Client) -> None:

@@ -9,9 +9,9 @@ import pytest
 
 from rosbridge_sim.errors import FieldError, Reason
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.protocol.request_limits import MAX_ESCAPES, RequestLimits
+from rosbridge_sim.protocol.body_limits import MAX_ESCAPES, BodyLimits
 
-LIMITS = RequestLimits(num_bytes=50_000, containers=2_000, texts=1_000, values=3_000)
+LIMITS = BodyLimits(num_bytes=50_000, containers=2_000, texts=1_000, values=3_000)
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_typed_array_counts_by_its_numbers() -> None:
 
 def test_long_text_of_escapes_is_refused() -> None:
     with pytest.raises(FieldError, match="100,000 escapes"):
-        RequestLimits(num_bytes=2**30).check("/s", json.dumps({"a": "é" * (MAX_ESCAPES + 1)}).encode())
+        BodyLimits(num_bytes=2**30).check("/s", json.dumps({"a": "é" * (MAX_ESCAPES + 1)}).encode())
 
 
 def test_body_that_is_missing_or_no_object_is_left_to_the_decoder() -> None:

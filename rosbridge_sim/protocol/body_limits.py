@@ -1,7 +1,7 @@
-"""Limits of the requests that this server's own services take, checked before anything is converted.
+"""Limits of requests and messages for this server's own services and input topics, checked before they are converted.
 
-A decoder is one call of a C library, and what a service does with a list takes microseconds for each element. So what
-one call may bring is bounded by its raw bytes, and by the objects, lists, texts and values in them. A body that came as
+A decoder is one call of a C library, and what is done with a list takes microseconds for each element. So what one
+frame may bring is bounded by its raw bytes, and by the objects, lists, texts and values in them. A body that came as
 CBOR is decoded already; what it holds is counted instead.
 """
 
@@ -17,7 +17,7 @@ from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.records import Record
 from rosbridge_sim.weight import Weight, weigh, weigh_exactly
 
-__all__ = ["RequestLimits"]
+__all__ = ["BodyLimits"]
 
 _WEIGHED: Final = 4 * 1024
 """From this size on, what a body holds is counted [bytes]; a smaller one is always light."""
@@ -26,13 +26,13 @@ _EXACT: Final = 256 * 1024
 """Up to this size, brackets and quotes inside texts are left out of the count, if it is too high [bytes]: 1 ms."""
 
 MAX_ESCAPES: Final = 100_000
-"""Backslashes in a long request. Decoders take 10 to 100 ns for each; JSON inside a text has one for each quote."""
+"""Backslashes in a long body. Decoders take 10 to 100 ns for each; JSON inside a text has one for each quote."""
 
 _BACKSLASH: Final = ord("\\")
 
 
-class RequestLimits(Record):
-    """The largest request of one service.
+class BodyLimits(Record):
+    """The largest request of one service, or message of one topic.
 
     Attributes:
         num_bytes: of its JSON text.
@@ -46,12 +46,13 @@ class RequestLimits(Record):
     texts: int = 10_000
     values: int = 10_000
 
-    def check(self, name: str, body: OpBody) -> None:
-        """Check a request that is not converted yet.
+    def check(self, name: str, body: OpBody, what: str = "request") -> None:
+        """Check a body that is not converted yet.
 
         Args:
-            name: of the service, for the error text.
+            name: of the service or topic, for the error text.
             body: the fields by name or by position.
+            what: the word for the body.
 
         Raises:
             FieldError: it is too large.
@@ -69,7 +70,7 @@ class RequestLimits(Record):
         if size > self.num_bytes:
             why = f"{self.num_bytes:,} bytes"
         if why:
-            raise FieldError(f"{name}: expected a request of at most {why}", reason=Reason.TOO_MUCH)
+            raise FieldError(f"{name}: expected a {what} of at most {why}", reason=Reason.TOO_MUCH)
 
     def _excess_of_text(self, text: memoryview) -> str:
         """Return the limit that a JSON text exceeds, with its unit; empty if none."""
