@@ -110,18 +110,20 @@ class Verdict:
             self.faults.append(fault)
 
 
-async def _check_server(server: WatchedServer, verdict: Verdict, *, is_traceback_fine: bool = False) -> None:
-    """Check that the server serves a new client, and that it stops without an error."""
+async def _check_server(
+    server: WatchedServer, verdict: Verdict, *, is_traceback_fine: bool = False, code: int = 0
+) -> None:
+    """Check that the server serves a new client, and that it stops with this code."""
     try:
         async with await Client.open(server.url) as client:
             await client.call("/rosapi/topics")
             await client.send("subscribe", topic="/clock")
             await client.next_message("/clock")
-        code = await asyncio.to_thread(server.stop)
+        ended = await asyncio.to_thread(server.stop)
     except (SoakError, RefusedError) as error:
         verdict.faults.append(f"afterwards: {error}")
         return
-    verdict.expect(code == 0, f"the server ended with {code}")
+    verdict.expect(ended == code, f"the server ended with {ended} in place of {code}")
     verdict.expect(is_traceback_fine or "Traceback" not in server.log, f"a traceback in the log:\n{server.log[-2000:]}")
 
 
@@ -320,7 +322,7 @@ async def recording_on_a_full_disk(folder: Path, scale: Scale, verdict: Verdict)
             has_ended = await until(lambda server=server: "the recording has ended" in server.log)
             verdict.expect(has_ended, f"{name}: the log does not say that the recording has ended")
             verdict.seen += _lines(server.log, "ERROR")
-            await _check_server(server, verdict)
+            await _check_server(server, verdict, code=2)
         verdict.seen.append(f"{name}: repaired, {await _repair(path, verdict)} messages")
 
 
