@@ -53,8 +53,20 @@ class ResultsFolder:
 
     # Beginning
 
+    def hold(self) -> None:
+        """Make the folder, and let no other process write there until `close`.
+
+        Raises:
+            DocumentError: another process writes there, or the folder cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self.path / LOCK)
+        except OSError as error:
+            raise DocumentError(f"{error.filename or self.path}: cannot be written: {error.strerror}") from None
+
     def begin(self, job: Job, *, is_resumed: bool) -> list[Result]:
-        """Make the folder, or take up the one that is there.
+        """Begin the results, or take up those that are there.
 
         Args:
             is_resumed: go on with what is there.
@@ -67,9 +79,9 @@ class ResultsFolder:
                 another process writes there; or the folder cannot be written.
         """
         there = self.path / CAMPAIGN
+        if self._lock is None:
+            self.hold()
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            self._lock = FolderLock(self.path / LOCK)
             self._check_campaign(there, job, is_resumed=is_resumed)
             found = self.results() if is_resumed else []
             if not there.is_file():

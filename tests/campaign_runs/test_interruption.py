@@ -163,8 +163,11 @@ def test_second_campaign_in_a_folder_is_refused_until_the_first_has_ended_howeve
     folder.write("c.toml", 'scenario = "loop"\nseconds = 0.1\n')
     holder = "from rosbridge_sim.campaign_runs.folder_lock import FolderLock; import time; from pathlib import Path\n"
     holder += "lock = FolderLock(Path('out/.lock')); print('held', flush=True); time.sleep(600)"
-    (folder.path / "out").mkdir()
-    with subprocess.Popen([sys.executable, "-c", holder], cwd=folder.path, stdout=subprocess.PIPE) as process:
+    work = folder.path / "out" / ".work" / "run-1-a"
+    work.mkdir(parents=True)
+    command = [sys.executable, "-c", holder]
+    with subprocess.Popen(command, cwd=folder.path, stdout=subprocess.PIPE, start_new_session=True) as process:
+        note_group(work, process.pid)
         assert process.stdout is not None
         assert process.stdout.readline() == b"held\n"
         words = ("run", str(folder.path / "c.toml"), "--output", str(folder.path / "out"), "--jobs", "1")
@@ -172,7 +175,8 @@ def test_second_campaign_in_a_folder_is_refused_until_the_first_has_ended_howeve
         told = capfd.readouterr().err
         assert f"out: process {process.pid} on " in told
         assert told.count("\n") == 1
-        assert list((folder.path / "out").iterdir()) == [folder.path / "out" / ".lock"]
+        assert process.poll() is None, "its workers are noted, and must not be ended as left-overs"
+        assert not (folder.path / "out" / "campaign.toml").exists()
         process.kill()
     job = folder.job('scenario = "loop"\nseconds = 0.1\n')
     first, second = ResultsFolder(folder.path / "out"), ResultsFolder(folder.path / "out")

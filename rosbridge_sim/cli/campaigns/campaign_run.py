@@ -72,14 +72,14 @@ def run(
     if is_dry:
         _put_plan(campaign, is_json=is_json)
         return 0
-    pool = open_pool(job, num_jobs, ray)
+    folder.hold()  # before the pool: its end kills what the folder's drives have left behind
     try:
-        results = folder.begin(job, is_resumed=is_resumed)
-    except DocumentError:
-        pool.close(is_done=False)
-        folder.close()
-        raise
-    try:
+        pool = open_pool(job, num_jobs, ray)
+        try:
+            results = folder.begin(job, is_resumed=is_resumed)
+        except DocumentError:
+            pool.close(is_done=False)
+            raise
         return _drive(job, campaign, folder, pool, results, num_retries=num_retries, is_json=is_json)
     finally:
         folder.close()
