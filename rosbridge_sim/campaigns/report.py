@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rosbridge_sim.campaigns.parameter_strength import strongest_parameters
 from rosbridge_sim.campaigns.report_pictures import draw_curve, draw_scene
 from rosbridge_sim.campaigns.run_results import BAD, SCORES, VERDICTS, Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of
@@ -164,9 +165,11 @@ def _data(results: Sequence[Result], parameters: Sequence[str], details: Sequenc
     columns = columns_of(results, parameters)
     names = list(columns)
     first = names.index("seed") + 1
+    chosen = names[first : first + len(parameters)]
     data = {
         "columns": {name: [_plain(value) for value in values] for name, values in columns.items()},
-        "parameters": names[first : first + len(parameters)],
+        "parameters": chosen,
+        "strongest": strongest_parameters(columns, chosen),
         "scores": list(SCORES),
         "paths": [
             [number for place in result.path for number in place] or None if i < MAX_PATHS else None

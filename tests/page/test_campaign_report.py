@@ -89,9 +89,34 @@ async def test_table_sorts_and_filters_by_keyboard(open_page: OpenPage, tmp_path
     assert await page.locator("#table caption").inner_text() == "30 of 150 runs"
     await page.locator("th button", has_text="run").press("Enter")
     assert await rows.first.locator("td").first.inner_text() == "148"
+    assert await page.locator("#form").input_value() == "map"
+    assert "75 cells of 75 runs, 60 pass" in await page.locator("#picture-text").inner_text()
+    await page.locator("#pictured").select_option("all")
     assert "150 cells of 150 runs, 120 pass" in await page.locator("#picture-text").inner_text()
     await page.locator("#form").select_option("points")
     assert (await page.locator("#picture-text").inner_text()).startswith("150 runs.")
+
+
+async def test_samples_are_points_of_one_driver_over_the_two_strongest_parameters(
+    open_page: OpenPage, tmp_path: Path
+) -> None:
+    results = []
+    for i in range(90):
+        k = i // 3
+        gap, hue, kmh = (k * 7 % 30) / 30, (k * 11 % 30) / 30, (k * 13 % 30) / 30
+        verdict: Verdict = "fail" if gap + kmh > 1.0 else "pass"
+        run = Run(i + 1, "town", f"driver{i % 3}", 0, {"hue": hue, "gap": gap, "kmh": kmh})
+        results.append(Result(run, verdict, scores={"distance": float(i)}))
+    parts = PageParts(*((PAGE / f"report.{kind}").read_text("utf-8") for kind in ("html", "css", "js")))
+    (tmp_path / "report.html").write_text(write_report(parts, "night", results, ["hue", "gap", "kmh"], []))
+    page = await open_page((tmp_path / "report.html").as_uri(), state=None)
+    text = page.locator("#picture-text")
+    assert (await text.inner_text()).startswith("30 runs. gap across, kmh up; driver driver0; colour: verdict")
+    assert await page.locator("#form").input_value() == "points"
+    await page.locator("#pictured").select_option("driver2")
+    assert "30 runs. gap across, kmh up; driver driver2" in await text.inner_text()
+    await page.locator("#pictured").select_option("all")
+    assert (await text.inner_text()).startswith("90 runs. gap across, kmh up; colour")
 
 
 async def test_ten_thousand_runs_are_shown_a_page_at_a_time(open_page: OpenPage, tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 /**
  * @typedef {string | number | boolean | null} Cell
- * @typedef {{columns: Record<string, Cell[]>, parameters: string[], scores: string[], paths: (number[] | null)[],
- *   shown: number[]}} Data
+ * @typedef {{columns: Record<string, Cell[]>, parameters: string[], strongest: string[], scores: string[],
+ *   paths: (number[] | null)[], shown: number[]}} Data
  */
 
 "use strict";
@@ -188,6 +188,14 @@
   fill(up, axes);
   fill(colour, ["verdict", ...scores.filter(isNumeric)]);
   if (axes.length > 1) {up.selectedIndex = 1;}
+  // At first the two parameters that explain most of what came out, and one driver: a cell of several has the worst of them.
+  data.strongest.forEach((name, k) => {[across, up][k].value = name;});
+  if (across.value === up.value) {up.value = axes.find((name) => name !== across.value) ?? up.value;}
+  const drivers = [...new Set(columns.driver.map(told))];
+  const pictured = byId("pictured", HTMLSelectElement);
+  pictured.replaceChildren(...drivers.map((name) => new Option(name, name)), new Option("all", ""));
+  byId("pictured-label", HTMLElement).hidden = drivers.length < 2;
+  form.value = isGrid(chooseRows()) ? "map" : "points";
   const MARGIN = { left: 64, right: 12, top: 10, bottom: 40 };
 
   /** @param {string} name */
@@ -211,6 +219,24 @@
     return low < high ? [low, high] : [low - 0.5, low + 0.5];
   }
 
+  /** @returns {number[]} the runs of the picture */
+  function chooseRows() {
+    /** @type {number[]} */
+    const rows = [];
+    for (let i = 0; i < num; i += 1) {
+      const places = [columns[across.value]?.[i], columns[up.value]?.[i]];
+      const drives = pictured.value === "" || told(columns.driver[i]) === pictured.value;
+      if (drives && places.every((value) => typeof value === "number") && columns.verdict[i] !== "skipped") {rows.push(i);}
+    }
+    return rows;
+  }
+
+  /** @param {number[]} rows @returns {boolean} whether a quarter of the cells at least have a run: of samples none has two */
+  function isGrid(rows) {
+    const [wide, high] = [across, up].map((select) => new Set(rows.map((i) => columns[select.value][i])).size);
+    return wide * high <= 4 * rows.length;
+  }
+
   function draw() {
     const ratio = window.devicePixelRatio || 1;
     const { clientWidth: width, clientHeight: height } = canvas;
@@ -220,12 +246,7 @@
     if (!pen) {return;}
     pen.scale(ratio, ratio);
     pen.clearRect(0, 0, width, height);
-    /** @type {number[]} */
-    const rows = [];
-    for (let i = 0; i < num; i += 1) {
-      const places = [columns[across.value]?.[i], columns[up.value]?.[i]];
-      if (places.every((value) => typeof value === "number") && columns.verdict[i] !== "skipped") {rows.push(i);}
-    }
+    const rows = chooseRows();
     if (!rows.length) {
       byId("picture-text", HTMLParagraphElement).textContent = "There is no parameter with numbers.";
       return;
@@ -255,7 +276,8 @@
 
   function legend() {
     const named = colour.value === "verdict" ? "colour: verdict" : `colour: ${colour.value}, from orange (least) to blue`;
-    return `${across.value} across, ${up.value} up; ${named}`;
+    const whose = drivers.length > 1 && pictured.value !== "" ? `; driver ${pictured.value}` : "";
+    return `${across.value} across, ${up.value} up${whose}; ${named}`;
   }
 
   /** @param {CanvasRenderingContext2D} pen @param {Box} box @param {number[]} rows @param {number[]} xs @param {number[]} ys */
