@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 import os
+import re
 from collections.abc import Sequence
 
 from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number, run_command
@@ -33,6 +35,9 @@ def run_campaign(argv: Sequence[str]) -> int:
         metavar="N",
         help="times that a run is driven again whose worker was killed from outside, as without memory [1]",
     )
+    parser.add_argument(
+        "--shard", type=_read_shard, metavar="I/N", help="drive every N-th run alone, from run I on; `merge` joins them"
+    )
     parser.add_argument("--resume", action="store_true", help="go on with the results that are there")
     parser.add_argument("--dry-run", action="store_true", help="list the runs, and drive none")
     parser.add_argument(
@@ -60,6 +65,11 @@ def run_campaign(argv: Sequence[str]) -> int:
     parser = add("report", _report, "write tables and report.html of a folder of results anew")
     _add_folder(parser)
 
+    parser = add("merge", _merge, "join folders of results of one campaign, such as those of its shards")
+    parser.add_argument("folders", nargs="+", metavar="DIR", help="folders of results")
+    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="new folder of the results")
+    add_json(parser)
+
     parser = add("compare", _compare, "list what changed between two folders of results, regressions first")
     parser.add_argument("before", metavar="BEFORE", help="folder of results")
     parser.add_argument("after", metavar="AFTER", help="folder of results of the same campaign, or of one like it")
@@ -68,6 +78,13 @@ def run_campaign(argv: Sequence[str]) -> int:
     )
     add_json(parser)
     return run_command(group, argv)
+
+
+def _read_shard(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d{1,6})/(\d{1,6})", text)
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise argparse.ArgumentTypeError(f"expected I/N with I from 1 to N, such as 3/50; got {text!r}")
+    return int(found[1]), int(found[2])
 
 
 def _add_file(parser: Parser) -> None:
@@ -97,6 +114,7 @@ def _run(options: Options) -> int:
         options.output,
         num_jobs=options.jobs,
         num_retries=options.retry_killed,
+        shard=options.shard,
         is_resumed=options.resume,
         is_dry=options.dry_run,
         ray=options.ray,
@@ -132,6 +150,12 @@ def _report(options: Options) -> int:
     from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
 
     return campaign_results.report(options.folder)
+
+
+def _merge(options: Options) -> int:
+    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
+
+    return campaign_run.merge(options.folders, options.output, is_json=options.json)
 
 
 def _compare(options: Options) -> int:

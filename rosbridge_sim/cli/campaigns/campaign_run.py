@@ -7,24 +7,25 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
 from rosbridge_sim.campaign_runs.checking import check_job, find_scenario_mistakes
 from rosbridge_sim.campaign_runs.job import Job, open_job, read_job
+from rosbridge_sim.campaign_runs.merging import merge_folders
 from rosbridge_sim.campaign_runs.pools import Pool, open_pool
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of
 from rosbridge_sim.campaign_runs.running import CampaignRunner, Progress
 from rosbridge_sim.campaign_runs.searching import drive_search
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.campaign import Campaign, plan_runs
-from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result
+from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result, Run
 from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["check", "repeat", "run"]
+__all__ = ["check", "merge", "repeat", "run"]
 
 INTERRUPTED = 130
 
@@ -42,6 +43,7 @@ def run(
     *,
     num_jobs: int,
     num_retries: int,
+    shard: tuple[int, int] | None,
     is_resumed: bool,
     is_dry: bool,
     ray: str | None,
@@ -54,6 +56,7 @@ def run(
         output: folder of the results; None for one named after the file, here.
         num_jobs: processes.
         num_retries: so often a run is driven again whose worker was killed.
+        shard: number from 1 on, and their number, if only that part of the runs is driven here.
         is_resumed: go on with what is there.
         is_dry: list the runs alone.
         ray: address of a Ray cluster, or `local`; None for processes.
@@ -69,8 +72,11 @@ def run(
     folder = ResultsFolder(Path(output) if output is not None else Path(f"{path.stem}_runs"))
     job = read_job(path, folder.path)
     campaign = check_job(job)
+    if shard is not None and campaign.document.search is not None:
+        raise DocumentError(f"{campaign.source}: search: --shard has no part of it: each run depends on the others")
+    runs = _planned(campaign, shard)
     if is_dry:
-        _put_plan(campaign, is_json=is_json)
+        _put_plan(campaign, runs, is_json=is_json)
         return 0
     folder.hold()  # before the pool: its end kills what the folder's drives have left behind
     try:
@@ -80,23 +86,66 @@ def run(
         except DocumentError:
             pool.close(is_done=False)
             raise
-        return _drive(job, campaign, folder, pool, results, num_retries=num_retries, is_json=is_json)
+        return _drive(job, campaign, runs, folder, pool, results=results, num_retries=num_retries, is_json=is_json)
     finally:
         folder.close()
+
+
+def _planned(campaign: Campaign, shard: tuple[int, int] | None = None) -> list[Run]:
+    """Return the runs of a campaign, or every n-th one: neighbours take about as long. A search has none before."""
+    if campaign.document.search is not None:
+        return []
+    runs = plan_runs(campaign)
+    return runs if shard is None else runs[shard[0] - 1 :: shard[1]]
+
+
+def _num_runs(campaign: Campaign) -> int:
+    search = campaign.document.search
+    return search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
+
+
+def merge(folders: Sequence[str], output: str, *, is_json: bool) -> int:
+    """Write the results of some folders of one campaign into a new one.
+
+    Args:
+        folders: such as those of its shards.
+        output: the new folder.
+
+    Returns:
+        0 if all runs of the campaign are there, and pass or are skipped; else 1.
+
+    Raises:
+        DocumentError: the folders cannot be merged.
+    """
+    paths, into = [Path(each) for each in folders], ResultsFolder(Path(output))
+    job, name = read_text_of(paths[0])
+    campaign = open_job(job).campaign
+    try:
+        results = merge_folders(paths, into)
+        write_all(into, campaign, results, name)
+    finally:
+        into.close()
+    _put_counts(results, into.path, is_json=is_json)
+    missing = sorted({run.number for run in _planned(campaign)} - {result.run.number for result in results})
+    if missing:
+        told = f"{len(missing):,} runs have no result, the first is run {missing[0]}"
+        note(f"{told}; `campaign run FILE --resume --output {output}` drives them")
+    return int(bool(missing) or any(each.verdict in BAD for each in results))
 
 
 def _drive(
     job: Job,
     campaign: Campaign,
+    runs: Sequence[Run],
     folder: ResultsFolder,
     pool: Pool,
-    results: list[Result],
     *,
+    results: list[Result],
     num_retries: int,
     is_json: bool,
 ) -> int:
-    search = campaign.document.search
-    num = search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
+    is_search = campaign.document.search is not None
+    num = _num_runs(campaign) if is_search else len(runs)
     there = {result.run.number: result for result in results}
     bad = sum(result.verdict in BAD for result in results)
     progress = Progress(num, done=len(there), bad=bad, first=len(there))
@@ -113,10 +162,10 @@ def _drive(
     is_done = False
     before = {signal.SIGINT: signal.getsignal(signal.SIGINT), signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
     try:
-        if search is None:
-            runner.drive([each for each in plan_runs(campaign) if each.number not in there])
-        else:
+        if is_search:
             drive_search(runner, there)
+        else:
+            runner.drive([each for each in runs if each.number not in there])
         is_done = True
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would leave workers behind
@@ -190,7 +239,7 @@ def _put_counts(results: list[Result], folder: Path, *, is_json: bool) -> None:
 _MOST_LISTED = 5
 
 
-def _put_plan(campaign: Campaign, *, is_json: bool) -> None:
+def _put_plan(campaign: Campaign, runs: Sequence[Run], *, is_json: bool) -> None:
     """List the runs; of a search what it would vary."""
     search = campaign.document.search
     if search is not None:
@@ -200,7 +249,7 @@ def _put_plan(campaign: Campaign, *, is_json: bool) -> None:
         else:
             put_lines(f"a search for the least {search.worst}: {len(groups)} times at most {search.budget:,} runs")
         return
-    for each in plan_runs(campaign):
+    for each in runs:
         if is_json:
             values = {"scenario": each.scenario, "driver": each.driver, "seed": each.seed}
             put_json({"run": each.number, **values, "parameters": dict(each.parameters)})
@@ -222,10 +271,8 @@ def check(file: str, *, is_json: bool) -> int:
     campaign = check_job(job)
     if mistakes := find_scenario_mistakes(job):
         raise DocumentError("\n".join(mistakes))
-    search = campaign.document.search
-    num = search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
     told = {
-        "runs": num,
+        "runs": _num_runs(campaign),
         "scenarios": list(campaign.scenarios),
         "drivers": list(campaign.drivers),
         "parameters": list(campaign.parameters),

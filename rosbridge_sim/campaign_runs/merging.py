@@ -1,0 +1,56 @@
+"""Merging folders of results of one campaign, such as those of its shards."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+
+from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of, run_folder
+from rosbridge_sim.campaigns.run_results import Result
+from rosbridge_sim.errors import DocumentError
+
+__all__ = ["merge_folders"]
+
+
+def merge_folders(paths: Sequence[Path], into: ResultsFolder) -> list[Result]:
+    """Write the results of some folders into a new one, with the files that are kept.
+
+    Args:
+        paths: of the folders.
+        into: a folder without results; the caller closes it.
+
+    Returns:
+        All results, in the order of the table.
+
+    Raises:
+        DocumentError: they are not of one campaign, two differ about a run, or the disk takes no more.
+    """
+    job, _ = read_text_of(paths[0])
+    found: dict[int, tuple[Result, Path]] = {}
+    for path in paths:
+        if read_text_of(path)[0].text != job.text:
+            raise DocumentError(f"{path}: expected results of the same campaign as {paths[0]}")
+        for result in ResultsFolder(path).results():
+            there = found.setdefault(result.run.number, (result, path))
+            if _decided(there[0]) != _decided(result):
+                raise DocumentError(f"{path}: run {result.run.number} ended in another way than in {there[1]}")
+    into.begin(job, is_resumed=False)
+    results = [found[number] for number in sorted(found)]
+    for result, path in results:
+        source, target = run_folder(path, result.run.number), run_folder(into.path, result.run.number)
+        kept = [file for file in source.iterdir() if file.name in result.files] if source.is_dir() else []
+        try:
+            for file in kept:
+                target.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(file, target / file.name)
+        except OSError as error:
+            raise DocumentError(f"{error.filename or target}: cannot be written: {error.strerror}") from None
+        if trouble := into.append(result):
+            raise DocumentError(f"{into.path}: results could not be written: {trouble}")
+    return [result for result, _ in results]
+
+
+def _decided(result: Result) -> tuple[object, ...]:
+    """Return what must be the same whoever drives a run."""
+    return result.run, result.verdict, result.reason, result.scores, result.state_hash
