@@ -287,6 +287,9 @@ OPS: dict[str, type[Op]] = {
 }
 
 
+_NULL = b"null"
+
+
 def is_absent(body: OpBody) -> bool:
     """Return True if a body was left out or is null, which means the same.
 
@@ -294,5 +297,5 @@ def is_absent(body: OpBody) -> bool:
         body: body of an op.
     """
     if isinstance(body, (bytes, msgspec.Raw)):
-        return body is ABSENT or bytes(body) in {b"", b"null"}
+        return body is ABSENT or (len(body) <= len(_NULL) and bytes(body) in {b"", _NULL})  # a long one is not copied
     return body is None

@@ -38,8 +38,10 @@ def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obje
     Raises:
         FieldError: it is no JSON, or a heavy body.
     """
+    weight = None
     if len(body) >= _WEIGHED:
-        too_much = LIGHT.excess(weigh(memoryview(body)))
+        weight = weigh(memoryview(body))
+        too_much = LIGHT.excess(weight)
         if too_much is not None:
             raise FieldError(
                 f"{name}: {refusal}. A message of this size must fit its type as it is: its own field names, numbers of"
@@ -53,8 +55,10 @@ def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obje
         # `json` would accept UTF-16 and UTF-32 as well. JSON on the wire is UTF-8 alone.
         text = bytes(body).decode()
         # A function for each number costs more than the rest, so it is used only where one may be out of range.
-        is_weighed = len(body) >= _LONG  # the pattern takes 20 ns for each character
-        has_huge = weigh(memoryview(body)).extremes > 0 if is_weighed else _HUGE_NUMBER.search(text) is not None
+        if weight is not None and len(body) >= _LONG:  # the pattern takes 20 ns for each character
+            has_huge = weight.extremes > 0
+        else:
+            has_huge = _HUGE_NUMBER.search(text) is not None
         parse_float = _parse_float if has_huge else None
         return json.loads(text, parse_float=parse_float)
     except (ValueError, OverflowError) as error:
