@@ -47,6 +47,7 @@ _MAY_BE_INFINITE: Final = frozenset(
 )
 _POSITIVE: Final = (
     *("wheelbase", "max_accel", "max_decel", "dynamic_index", "front_stiffness", "rear_stiffness", "grip"),
+    "grip_along",
 )
 """Columns that the equations of driven rows divide by."""
 

@@ -45,8 +45,9 @@ _BODY_COLUMNS: Final = {
     **{
         name: name
         for name in (
-            *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
-            *("pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
+            *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "grip_along"),
+            *("front_drive", "pitch_gain", "roll_gain", "launch_accel", "power", "top_speed"),
+            *("air_drag", "engine_drag"),
         )
     },
 }

@@ -51,8 +51,8 @@ NO_BODY: Final = Body()
 
 # Egos: their bodies, what is commanded, and the ground below
 _TYRE_BODY: Final = (
-    *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
-    *("pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
+    *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "grip_along"),
+    *("front_drive", "pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
 )
 _TYRE_COMMANDS: Final = ("rear_steer_cmd", "creep", "rolls", "jerk_limit")
 _GROUND: Final = ("friction", "grade", "ground_pitch", "ground_roll")
@@ -319,6 +319,7 @@ class EntityArrays:
     front_stiffness: FloatArray
     rear_stiffness: FloatArray
     grip: FloatArray
+    grip_along: FloatArray
     front_drive: FloatArray
     pitch_gain: FloatArray
     roll_gain: FloatArray

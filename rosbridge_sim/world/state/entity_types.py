@@ -46,7 +46,7 @@ MIN_LOAD: Final = 0.05
 """Least share of the weight that an axle carries: with less, a car would tip over."""
 
 _POSITIVE: Final = frozenset(
-    {"length", "width", "height", "mass", "dynamic_index", "front_stiffness", "rear_stiffness", "grip"}
+    {"length", "width", "height", "mass", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "grip_along"}
 )
 
 
@@ -97,8 +97,8 @@ class Body:
         max_steer: greatest angle of the front wheels, to either side [rad].
         max_steer_rate: greatest rate of that angle [rad/s]. 0.6 rad/s takes a second from straight ahead to the stop.
         max_accel: acceleration of full throttle at rest, before drag [m/s^2].
-        max_decel: deceleration of the full brake, before drag; in the single track model that of tyres with a grip of 1
-            [m/s^2].
+        max_decel: deceleration of the full brake, before drag; in the single track model that of tyres with a
+            `grip_along` of 1 [m/s^2].
         rolling: deceleration by rolling resistance, at any speed [m/s^2].
         drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle reaches
             180 km/h at most, and 100 km/h in ten seconds.
@@ -114,7 +114,9 @@ class Body:
         front_stiffness, rear_stiffness: cornering stiffness of an axle for each newton of its load [1/rad]. Tyres alone
             have 15 to 25. The steering gives way, so the front is softer: the car understeers by 1.5 degrees of
             steering for each g, usual for a family car (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6).
-        grip: friction of the tyres, relative to that of the ground (`ROAD_FRICTION` on roads).
+        grip: friction of the tyres across the wheels, relative to that of the ground (`ROAD_FRICTION` on roads).
+        grip_along: the same along the wheels. 1.3 is 1.17 on dry asphalt, as of the tyre of commonroad-vehicle-models
+            (p_dx1); across the wheels that tyre has 1.05.
         front_drive: share of the engine's force at the front wheels.
         max_rear_steer: greatest angle of the rear wheels [rad]; 10 degrees is the most of cars in series.
         roll_gain, pitch_gain: angle of the body for each m/s^2 [rad s^2/m]: 4.5 degrees of roll and 2 of pitch for a g,
@@ -150,6 +152,7 @@ class Body:
     front_stiffness: float = field(default=14.0, repr=False)
     rear_stiffness: float = field(default=22.0, repr=False)
     grip: float = field(default=1.0, repr=False)
+    grip_along: float = field(default=1.3, repr=False)
     front_drive: float = field(default=1.0, repr=False)
     max_rear_steer: float = field(default=math.radians(10.0), repr=False)
     roll_gain: float = field(default=math.radians(4.5) / GRAVITY, repr=False)

@@ -21,11 +21,11 @@ engine and brakes:
 *Tyres*. An axle has one slip angle s: the direction in which its wheels move, seen from where they point. The force
 across them is Pacejka's magic formula (Tyre and Vehicle Dynamics, ch. 4) without its shifts and its curvature factor:
 
-    F = -D sin(C arctan(K s / (C D)))        K = stiffness N        D = sqrt((mu N)^2 - X^2)
+    F = -D sin(C arctan(K s / (C D)))        K = stiffness N        D = mu N sqrt(1 - (X / (mu_x N))^2)
 
-X is the force along the wheels, so both together stay within the friction circle. It is at most `SHARE_OF_GRIP` of mu
-N: that is what ABS and traction control leave. The brakes act on the axles in proportion to their loads, unless
-stability control moves them to the front; see `stability`.
+X is the force along the wheels, mu and mu_x are the frictions across and along them. So both forces together stay
+within the friction ellipse. X is at most `SHARE_OF_GRIP` of mu_x N: that is what ABS and traction control leave. The
+brakes act on the axles in proportion to their loads, unless stability control moves them to the front; see `stability`.
 
 *Motion*. With k^2 = I_z / m and the forces across and along the body:
 
@@ -144,7 +144,10 @@ class Car(NamedTuple, Generic[V]):
         steer_change: of the wheels in one step [rad].
         launch_accel, power, top_speed, air_drag, engine_drag: as in `Body`.
         reverse_speed: top speed in R [m/s].
-        max_decel: that of `Body` times its grip: who fits better tyres fits brakes that use them.
+        max_along, share_along: force along the wheels that ABS leaves, for a friction of the tyres across of 1: of the
+            car [N/kg], and of an axle for each newton of its load.
+        to_across: grip across / grip along: what a force along takes from that across.
+        max_decel: that of `Body` times its grip along: who fits better tyres fits brakes that use them.
         rolling: as in `Body`.
         yaw_control: constants of the stability control; None without it.
     """
@@ -173,6 +176,9 @@ class Car(NamedTuple, Generic[V]):
     air_drag: V
     engine_drag: V
     steer_change: V
+    max_along: V
+    share_along: V
+    to_across: V
     max_decel: V
     rolling: V
     yaw_control: stability.YawControl[V] | None
@@ -190,8 +196,8 @@ def make_car(do: Operators[V], body: Sequence[V], limits: Sequence[V], dt: float
         dt: length of a step [s].
         is_stable: with stability control.
     """
-    front_load, cg_height, dynamic_index, front_stiffness, rear_stiffness, grip, front_drive, pitch, roll = body[:9]
-    launch_accel, power, top_speed, air_drag, engine_drag = body[9:]
+    front_load, cg_height, dynamic_index, front_stiffness, rear_stiffness, grip, grip_along = body[:7]
+    front_drive, pitch, roll, launch_accel, power, top_speed, air_drag, engine_drag = body[7:]
     wheelbase, steer_rate, _, max_decel, rolling, _ = limits
     to_rear = front_load * wheelbase
     to_front = wheelbase - to_rear
@@ -224,7 +230,10 @@ def make_car(do: Operators[V], body: Sequence[V], limits: Sequence[V], dt: float
         air_drag,
         engine_drag,
         steer_rate * dt,
-        max_decel * grip,
+        (SHARE_OF_GRIP * GRAVITY) * (grip_along / grip),
+        SHARE_OF_GRIP * (grip_along / grip),
+        grip / grip_along,
+        max_decel * grip_along,
         rolling,
         control,
         -math.expm1(-dt / THROTTLE_LAG),
@@ -281,8 +290,8 @@ def advance(  # noqa: PLR0915 - one equation after the other
     turned, tyres = (u, r, tan_f - tan_r), (share, front_force, rear_force)
     pressed, turn, reserve = _stabilize(do, car, grip, turned, tyres, brake_lag * car.max_decel + holding)
     push, braking, front, rear = _load(do, car, grip, u, push, pressed, reserve)
-    front_slip, front_force, front_rate = _grip(do, u, w + car.wheelbase * r, sin_f, cos_f, front)
-    rear_slip, rear_force, rear_rate = _grip(do, u, w, sin_r, cos_r, rear)
+    front_slip, front_force, front_rate = _grip(do, car, u, w + car.wheelbase * r, (sin_f, cos_f), front)
+    rear_slip, rear_force, rear_rate = _grip(do, car, u, w, (sin_r, cos_r), rear)
 
     # Along
     lost = front[2] * (1.0 - cos_f) + rear[2] * (1.0 - cos_r) + front_force * sin_f + rear_force * sin_r
@@ -377,14 +386,19 @@ def _load(  # noqa: PLR0917 - keywords would take a tenth of the time
         reserve: forces across both axles that braking must leave [N/kg]; None without stability control.
     """
     least, most = do.least, do.most
-    along = (SHARE_OF_GRIP * GRAVITY) * grip
-    braking = least(braking, along)
+    along = car.max_along * grip
+    if reserve is None:
+        braking = least(braking, along)
+    else:
+        spare = stability.share_beyond(do, reserve[1] / (grip * car.rear_rest))
+        across = (SHARE_OF_GRIP * GRAVITY) * grip
+        braking = least(braking, across + (along - across) * spare)
     slowing = do.pick(u, braking, -braking)
     moved = car.transfer * (most(least(push, along), -along) - slowing)
     moved = most(least(moved, car.transfer_max), car.transfer_min)
     front_load, rear_load = car.front_rest - moved, car.rear_rest + moved
     front_grip, rear_grip = grip * front_load, grip * rear_load
-    front_most, rear_most = SHARE_OF_GRIP * front_grip, SHARE_OF_GRIP * rear_grip
+    front_most, rear_most = car.share_along * front_grip, car.share_along * rear_grip
     if reserve is not None:
         front_most = front_most * stability.share_along(do, reserve[0] / front_grip, stability.FRONT_RESERVE)
         rear_most = rear_most * stability.share_along(do, reserve[1] / rear_grip, stability.REAR_RESERVE)
@@ -516,20 +530,23 @@ def _press(  # noqa: PLR0917 - keywords would take a tenth of the time
     return least(most(throttle, 0.0), throttle_max), brake
 
 
-def _grip(do: Operators[V], u: V, across: V, sin: V, cos: V, limits: tuple[V, V, V]) -> tuple[V, V, V]:  # noqa: PLR0917 - keywords would take a tenth of the time
+def _grip(  # noqa: PLR0917 - keywords would take a tenth of the time
+    do: Operators[V], car: Car[V], u: V, across: V, wheels: tuple[V, V], limits: tuple[V, V, V]
+) -> tuple[V, V, V]:
     """Return slip angle, force across the wheels, and the decrease of this force with the lateral speed of the axle.
 
     Args:
         u: speed along the body [m/s].
         across: lateral speed of the axle [m/s].
-        sin: of the angle of the wheels.
-        cos: of the angle of the wheels.
+        wheels: sine and cosine of their angle.
         limits: stiffness of the axle / C, its grip and the force along the wheels [N/kg].
     """
+    sin, cos = wheels
     stiffness, grip, along = limits
     rolling = do.most(do.magnitude(u * cos + across * sin), MIN_ROLLING)
     slip = do.arctan((across * cos - u * sin) / rolling)
-    most = do.root(grip * grip - along * along)
+    taken = car.to_across * along
+    most = do.root(grip * grip - taken * taken)
     force = -most * do.sin(SHAPE * do.arctan(stiffness * slip / most))
     is_slipping = do.magnitude(slip) - STILL
     secant = do.pick(is_slipping, -force / do.pick(is_slipping, slip, 1.0), SHAPE * stiffness)

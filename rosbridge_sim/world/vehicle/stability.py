@@ -6,10 +6,12 @@ New cars in the EU must have it (Regulation (EU) 2019/2144; tests in UN Regulati
 In a bend that is not enough: braking unloads the rear axle, but the force across that holds the car's tail in the bend
 stays. So an axle that carries a force F across keeps grip for `RESERVE` times as much, and along it gets at most
 
-    X = SHARE_OF_GRIP sqrt((mu N)^2 - (RESERVE F)^2)                  RESERVE F at most a share of mu N
+    X = SHARE_OF_GRIP mu_x N sqrt(1 - (RESERVE F / (mu N))^2)         RESERVE F at most a share of mu N
 
 What the rear axle may not take goes to the front, within the same bound there. The rest is lost: the car brakes less.
-The same bound holds for the engine, as traction control.
+The same bound holds for the engine, as traction control. And hard brakes unload the rear axle: of what the tyres grip
+better along than across, all brakes together get only the share 1 - 3 (RESERVE F_r / (mu N_r))^2, at least 0, with the
+load at rest. So from 0.45 g on in a bend they are as hard as if the tyres gripped along as they do across.
 
 *Yaw control*. A car that is neither too fast nor sliding turns with the yaw rate
 
@@ -30,7 +32,7 @@ from typing import Final, Generic, NamedTuple
 from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle.operators import Operators, V
 
-__all__ = ["FRONT_RESERVE", "REAR_RESERVE", "YawControl", "correct", "make_control", "share_along"]
+__all__ = ["FRONT_RESERVE", "REAR_RESERVE", "YawControl", "correct", "make_control", "share_along", "share_beyond"]
 
 RESERVE: Final = 1.25
 """Grip that is kept across, for each newton that an axle carries across. A tyre needs more slip, and so time, for more
@@ -115,3 +117,12 @@ def share_along(do: Operators[V], across: V, most_kept: float) -> V:
     """
     kept = do.least(RESERVE * across, most_kept)
     return do.root(1.0 - kept * kept)
+
+
+def share_beyond(do: Operators[V], across: V) -> V:
+    """Return the share of the grip along the wheels beyond that across which the brakes of a car may use in a bend.
+
+    Args:
+        across: force across at the rear axle, as a share of its grip at rest.
+    """
+    return do.most(1.0 - (3.0 * RESERVE * RESERVE) * (across * across), 0.0)

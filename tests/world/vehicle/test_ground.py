@@ -34,7 +34,7 @@ def test_brakes_find_the_friction_of_the_ground(y: float, friction: float) -> No
     for _ in range(60):
         step(world)
     assert world.friction[0] == friction
-    assert -world.accel[0] == pytest.approx(min(8.5, 0.95 * friction * 9.80665), abs=1.2)
+    assert -world.accel[0] == pytest.approx(0.95 * CAR.grip_along * friction * 9.80665, abs=0.7)
 
 
 def test_all_is_road_without_a_map() -> None:

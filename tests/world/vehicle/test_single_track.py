@@ -52,6 +52,7 @@ VEHICLE_2 = Body(
     front_stiffness=21.92,
     rear_stiffness=21.92,
     grip=1.0489 / ROAD_FRICTION,
+    grip_along=1.0489 / ROAD_FRICTION,
     front_drive=0.0,
 )
 
@@ -334,23 +335,25 @@ def stop(body: Body) -> float:
     return world.x.item(0)
 
 
-def test_stops_of_the_documentation_are_those_of_the_models() -> None:
+def test_stops_of_the_documentation_are_those_of_all_models() -> None:
     page = (Path(__file__).parents[3] / "docs" / "modelling.md").read_text(encoding="utf-8")
-    told = re.findall(r"^\| (\S+) \| ([0-9.]+) \| ([0-9.]+) m/s² \| ([0-9.]+) m \|$", page, flags=re.MULTILINE)
-    bodies = {model.name: model.body for model in CATALOGUE}
-    assert len(told) == 6
-    found = [
-        (name, f"{bodies[name].grip:g}", f"{bodies[name].max_decel:g}", f"{stop(bodies[name]):.1f}")
-        for name, *_ in told
-    ]
-    assert found == told
+    row = r"^\| (\S+) \| ([0-9.]+) \| ([0-9.]+) \| ([0-9.]+) m/s² \| ([0-9.]+) m \| ([0-9]+) to ([0-9]+) m \|$"
+    told = re.findall(row, page, flags=re.MULTILINE)
+    bodies = {model.name: model.body for model in CATALOGUE if model.kind is Kind.VEHICLE}
+    assert {name for name, *_ in told} == {name for name in bodies if not name.startswith("Vehicle_")}
+    for name, *cells, low, high in told:
+        body, way = bodies[name], stop(bodies[name])
+        assert [f"{body.grip_along:g}", f"{body.grip:g}", f"{body.max_decel:g}", f"{way:.1f}"] == cells, name
+        assert int(low) <= way <= int(high), name
     assert f"| 100..0 km/h | {stop(bodies['2016_Hyundai_Ioniq']):.1f} m |" in page
 
 
-@pytest.mark.parametrize("name", ["2021_VW_Golf_GTI", "2020_Kia_Stinger"])
-def test_car_whose_tyres_grip_better_stops_within_less(name: str) -> None:
-    body = next(model.body for model in CATALOGUE if model.name == name)
-    assert stop(body) == pytest.approx(stop(replace(body, grip=1.0)) / body.grip, rel=0.03)  # the lag is the same
+def test_way_of_a_stop_falls_with_the_grip_along_the_wheels_alone() -> None:
+    plain, *others = (
+        stop(replace(CAR, grip_along=along, grip=across)) for along, across in ((1.0, 1.0), (1.3, 1.0), (1.3, 1.2))
+    )
+    assert others[0] == pytest.approx(plain / 1.3, rel=0.05)  # the lag is the same
+    assert others[1] == others[0]
 
 
 # -- actuators
@@ -404,15 +407,33 @@ def test_acceleration_mode_reaches_its_command_with_the_lag_of_the_pedal(wanted:
     assert accels[-1] == pytest.approx(wanted, rel=0.03)
 
 
+@pytest.mark.parametrize("along", [1.0, 1.3])
+def test_forces_along_and_across_stay_within_the_ellipse(along: float) -> None:
+    body = replace(CAR, grip_along=along, cg_height=0.01, max_decel=30.0, rolling=0.0, air_drag=0.0, engine_drag=0.0)
+    world = ego(body, speed=25.0)
+    pedals(world, brake=1.0, steer=0.1)
+    most_along = most_across = 0.0
+    for _ in range(60):
+        step(world)
+        ahead = world.accel.item(0) / (along * ROAD_FRICTION * GRAVITY)
+        across = world.rear_force.item(0) / (ROAD_FRICTION * GRAVITY * (1.0 - body.front_load))
+        assert math.hypot(ahead, across) < 1.0
+        most_along, most_across = max(most_along, abs(ahead)), max(most_across, abs(across))
+    assert most_along == pytest.approx(0.95, abs=0.02)
+    assert most_across > 0.2, "of the 0.31 that brakes leave"
+
+
 def test_braking_is_limited_by_the_grip() -> None:
     world = ego(replace(CAR, max_decel=30.0), speed=30.0)
     pedals(world, brake=1.0)
     speeds(world, 1.5)
-    assert -world.accel.item(0) == pytest.approx(0.95 * ROAD_FRICTION * GRAVITY + CAR.rolling, abs=1.0)
+    assert -world.accel.item(0) == pytest.approx(
+        0.95 * CAR.grip_along * ROAD_FRICTION * GRAVITY + CAR.rolling + CAR.engine_drag, abs=0.1
+    )
     world = ego(replace(CAR, launch_accel=30.0, power=1e3), speed=5.0)
     pedals(world, throttle=1.0)
     speeds(world, 1.5)
-    assert world.accel.item(0) < ROAD_FRICTION * GRAVITY * CAR.front_load
+    assert world.accel.item(0) < CAR.grip_along * ROAD_FRICTION * GRAVITY * CAR.front_load
 
 
 # -- rear wheels

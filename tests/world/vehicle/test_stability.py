@@ -68,6 +68,17 @@ def test_car_that_brakes_in_a_bend_does_not_spin(name: str, speed: float) -> Non
     assert (slowing > 0.7 * -np.array(cells)[:, 2]).all(), "it brakes less, but it brakes"
 
 
+def test_car_that_brakes_with_all_it_has_in_a_bend_does_not_spin() -> None:
+    """The tyres grip better along than across; brakes that used all of it would take the load from the rear axle."""
+    cells = [(speed, lateral, -15.0) for speed in (20.0, 30.0) for lateral in (0.1, 0.3, 0.5)]
+    for name in ("2016_Hyundai_Ioniq", "2016_Kia_Niro(HEV)", "2021_VW_Golf_GTI", "2020_Kia_Stinger"):
+        model = find_model(name)
+        assert model is not None
+        slip, slowing = brake_in_bends(model.body, cells, is_stable=True)
+        assert slip.max() < 8.0, (name, cells[slip.argmax()])
+        assert slowing[0] > 9.0, "in a gentle bend it brakes as straight on, but for the lag"
+
+
 def test_car_without_stability_control_spins() -> None:
     assert brake_in_bends(CAR, [(25.0, 0.3, -8.0)], is_stable=False)[0] > 45.0
 
