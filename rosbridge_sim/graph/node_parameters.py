@@ -7,6 +7,7 @@ which time its stamps have; these services cannot change it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, Final, TypeAlias
 
@@ -19,13 +20,19 @@ from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.graph.ways import Use, Way
 
-__all__ = ["MAX_NAMES", "MAX_TEXT", "provide_node_parameters"]
+__all__ = ["MAX_LISTED", "MAX_NAMES", "MAX_TEXT", "MAX_VALUES", "provide_node_parameters"]
+
+MAX_LISTED: Final = 5_000
+"""Names of a node that one request may look at: each takes 5 us."""
 
 MAX_NAMES: Final = 1_000
 """Names, parameters or prefixes in one request: each takes some microseconds."""
 
 MAX_TEXT: Final = 2**20
 """Text of all values in one answer [bytes]: it is decoded at once, which takes some milliseconds."""
+
+MAX_VALUES: Final = 20_000
+"""Commas in the values of one answer that are no plain strings: each element takes 2 us."""
 
 _READ_ONLY: Final = "use_sim_time"
 
@@ -131,18 +138,21 @@ class _NodeParameters:
 
     def _list(self, request: _Struct, _caller: Participant) -> _Struct:
         """Return the names with one of the prefixes, and with fewer dots behind it than the depth if that is not 0."""
-        prefixes = request.prefixes
-        _check_number(prefixes)
+        _check_number(request.prefixes)
         start = f"{self.name}:"
-        found: dict[str, None] = {}
-        for full in self._params.below(start):
-            name = full[len(start) :]
-            for prefix in prefixes or [""]:
-                rest = name if not prefix else name.removeprefix(f"{prefix}.") if name != prefix else ""
-                is_meant = not prefix or name == prefix or rest != name
-                if is_meant and not 0 < request.depth <= rest.count("."):
-                    found[name] = None
-        usable = [name for name in found if self._policy.parameter.admits(start + name)]
+        num = 0
+        found: set[str] = set()
+        for prefix in dict.fromkeys(request.prefixes or [""]):
+            inner = f"{start}{prefix}." if prefix else start
+            names = self._params.below(inner)
+            num += len(names)
+            if num > MAX_LISTED:
+                text = f"The prefixes have more than {MAX_LISTED} parameters: list fewer"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
+            found.update(name[len(start) :] for name in names if not 0 < request.depth <= name.count(".", len(inner)))
+            if prefix and start + prefix in self._params:
+                found.add(prefix)
+        usable = [name for name in sorted(found) if self._policy.parameter.admits(start + name)]
         return self._listed(names=usable, prefixes=sorted({name.rpartition(".")[0] for name in usable} - {""}))
 
     def _values(self, names: list[str]) -> list[_Struct]:
@@ -152,13 +162,17 @@ class _NodeParameters:
             GraphError: a name is not allowed, or there is too much.
         """
         _check_number(names)
-        values, size = [], 0
+        values, size, num = [], 0, 0
         for name in names:
             full = self._full_name(name)
             text = self._params.text(full) if full in self._params else None
             size += len(text or "")
             if size > MAX_TEXT:
                 raise GraphError(f"The values have more than {MAX_TEXT} bytes: read fewer", reason=Reason.TOO_MUCH)
+            if text is not None and not text.startswith('"'):
+                num += text.count(",")
+            if num > MAX_VALUES:
+                raise GraphError(f"The values have more than {MAX_VALUES} commas: read fewer", reason=Reason.TOO_MUCH)
             values.append(self._value() if text is None else self._typed(text))
         return values
 
@@ -184,26 +198,18 @@ class _NodeParameters:
 
     def _put(self, parameters: list[_Struct], caller: Participant) -> _Struct:
         """Set all of some parameters, or none, and return the result."""
-        done: list[tuple[str, str | None]] = []
         try:
-            for parameter in parameters:
-                name = self._full_name(parameter.name)
-                if parameter.name == _READ_ONLY:
-                    raise GraphError(f"parameter '{_READ_ONLY}' cannot be set because it is read-only")  # noqa: TRY301
-                text = _text_of(parameter.value)
-                done.append((name, self._params.text(name) if name in self._params else None))
-                self._write(name, text, caller)
+            self._params.change([self._change_of(parameter) for parameter in parameters], caller)
         except GraphError as error:
-            for name, old in reversed(done):
-                self._write(name, old, caller)
             return self._result(successful=False, reason=str(error))
         return self._result(successful=True)
 
-    def _write(self, name: str, text: str | None, caller: Participant) -> None:
-        if text is not None:
-            self._params.put(name, text, caller)
-        elif name in self._params:
-            self._params.remove([name])
+    def _change_of(self, parameter: _Struct) -> tuple[str, str | None]:
+        """Return the full name of a parameter and its new JSON text; None removes it."""
+        name = self._full_name(parameter.name)
+        if parameter.name == _READ_ONLY:
+            raise GraphError(f"parameter '{_READ_ONLY}' cannot be set because it is read-only")
+        return name, _text_of(parameter.value)
 
     def _full_name(self, name: str) -> str:
         if not name or any(character.isspace() for character in name):
@@ -238,7 +244,7 @@ def _text_of(value: _Struct) -> str | None:
     """Return the JSON text of a parameter's value; None for type 0, which removes it.
 
     Raises:
-        GraphError: no such type.
+        GraphError: no such type, or JSON has no such number.
     """
     if value.type == 0:
         return None
@@ -246,4 +252,7 @@ def _text_of(value: _Struct) -> str | None:
     if field is None:
         raise GraphError(f"{value.type} is no type of rcl_interfaces/ParameterType", reason=Reason.WRONG_VALUE)
     given = getattr(value, field)
+    numbers = given if value.type == _DOUBLES else [given] if value.type == _DOUBLE else []
+    if not all(map(math.isfinite, numbers)):
+        raise GraphError("NaN and infinity cannot be kept as a parameter", reason=Reason.WRONG_VALUE)
     return orjson.dumps(list(given) if isinstance(given, bytes) else given, option=orjson.OPT_SERIALIZE_NUMPY).decode()

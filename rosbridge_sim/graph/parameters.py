@@ -145,6 +145,41 @@ class Parameters:
         self._entries[name] = _Entry(shared, key + text, len(key), serial, account)
         self._read = None
 
+    def change(self, changes: list[tuple[str, str | None]], owner: Participant) -> None:
+        """Set and delete parameters. After an error nothing has changed.
+
+        Args:
+            changes: absolute names and JSON texts; None deletes a parameter, if it is set.
+            owner: the client that sets them.
+
+        Raises:
+            GraphError: as for `put`.
+        """
+        done: list[tuple[str, _Entry | None]] = []
+        try:
+            for name, text in changes:
+                old = self._entries.get(name)
+                if text is not None:
+                    self.put(name, text, owner)
+                elif old is not None:
+                    self.remove([name])
+                done.append((name, old))
+        except GraphError:
+            for name, old in reversed(done):
+                self._put_back(name, old)
+            raise
+
+    def _put_back(self, name: str, old: _Entry | None) -> None:
+        """Undo a change, whatever the limits: the old entry may count for another client."""
+        if name in self._entries:
+            self.remove([name])
+        if old is not None:
+            insort(self._names, name)
+            self._add_to_namespace(old.folder, old.account)
+            self._settle(old.account, 1, _size(name, old.member[old.skip :]))
+            self._entries[name] = old
+            self._read = None
+
     def remove(self, names: list[str]) -> None:
         """Delete parameters; all of them must be set.
 

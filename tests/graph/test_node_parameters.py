@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.node_parameters import MAX_NAMES, MAX_TEXT, provide_node_parameters
+from rosbridge_sim.graph.node_parameters import MAX_LISTED, MAX_NAMES, MAX_TEXT, MAX_VALUES, provide_node_parameters
+from rosbridge_sim.graph.parameters import MAX_PARAMETER_BYTES
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from tests.graph.bus_fixture import Wire, make_bus, make_store
@@ -144,3 +146,62 @@ def test_requests_are_bounded() -> None:
     assert "at most" in wire.calls(f"{NODE}/get_parameters", names=["x"] * (MAX_NAMES + 1))["values"]
     put(wire, "x", '"' + "a" * (MAX_TEXT // 2) + '"')
     assert "read fewer" in wire.calls(f"{NODE}/get_parameters", names=["x"] * 3)["values"]
+
+
+def test_a_list_of_many_prefixes_looks_at_a_bounded_number_of_names() -> None:
+    wire = node()
+    for i in range(MAX_LISTED - 1):  # with `use_sim_time`, as many as are allowed
+        wire.peer.bus.parameters.put(f"{NODE}:a.b{i}", "1", wire.peer)
+    assert len(ask(wire, "list_parameters")["result"]["names"]) == MAX_LISTED
+    prefixes = [f"none{i}" for i in range(MAX_NAMES)]
+    assert ask(wire, "list_parameters", prefixes=prefixes)["result"]["names"] == []
+    assert len(ask(wire, "list_parameters", prefixes=["a"] * MAX_NAMES)["result"]["names"]) == MAX_LISTED - 1
+    put(wire, "one_more", "1")
+    assert "list fewer" in wire.calls(f"{NODE}/list_parameters")["values"]
+    assert ask(wire, "list_parameters", prefixes=["one_more"])["result"]["names"] == ["one_more"]
+
+
+def test_values_of_many_elements_are_not_read_at_once() -> None:
+    wire = node()
+    put(wire, "x", str([1] * (MAX_VALUES // 2)))
+    assert len(ask(wire, "get_parameters", names=["x", "x"])["values"]) == 2
+    assert "read fewer" in wire.calls(f"{NODE}/get_parameters", names=["x"] * 3)["values"]
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        '{"type": 3, "double_value": NaN}',
+        '{"type": 3, "double_value": -Infinity}',
+        '{"type": 8, "double_array_value": [1.0, Infinity]}',
+    ],
+)
+def test_what_json_cannot_keep_is_refused(value: str) -> None:
+    wire = node()
+    put(wire, "x", "1.5")
+    (result,) = ask(wire, "set_parameters", parameters=[{"name": "x", "value": json.loads(value)}])["results"]
+    assert result == {"successful": False, "reason": "NaN and infinity cannot be kept as a parameter"}
+    assert wire.learns("get_param", name=f"{NODE}:x")["value"] == "1.5"
+
+
+def test_a_refused_change_gives_back_what_another_client_has_set_whatever_the_limits() -> None:
+    bus = Bus(make_store(2))
+    policy = Policy()
+    Rosapi(bus, policy)
+    provide_node_parameters(bus, policy, is_simulated=True)
+    wire, other = Wire(bus), Wire(bus)
+    most = MAX_PARAMETER_BYTES // 2
+    text = '"' + "a" * (most - 20_000) + '"'
+    bus.parameters.put(f"{NODE}:x", text, other.peer)
+    bus.parameters.put(f"{NODE}:own", text, wire.peer)
+    held = (bus.parameters.num_held(other.peer), bus.parameters.num_held(wire.peer))
+    changes = [
+        {"name": "x", "value": {"type": 4, "string_value": ""}},
+        {"name": "y", "value": {"type": 4, "string_value": "a" * 30_000}},
+    ]
+    result = ask(wire, "set_parameters_atomically", parameters=changes)["result"]
+    assert result["successful"] is False
+    assert "at most" in result["reason"]
+    assert bus.parameters.text(f"{NODE}:x") == text
+    assert f"{NODE}:y" not in bus.parameters
+    assert held == (bus.parameters.num_held(other.peer), bus.parameters.num_held(wire.peer))
