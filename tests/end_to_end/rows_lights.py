@@ -84,8 +84,8 @@ async def _(play: SceneClient) -> None:
     )
     assert await play.light("TL22W") == RED
     other = await play.light("TL22E")
-    await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=GREEN + LEFT)
-    assert [await play.light(name) for name in ("TL22W", "TL22E")] == [GREEN + LEFT, other]
+    await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=GREEN)
+    assert [await play.light(name) for name in ("TL22W", "TL22E")] == [GREEN, other]
     await play.tick(6.0)  # the command holds until the crossing's next phase
     assert (await play.objects())[9]["position"]["x"] > -14.0
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=-1)
@@ -95,6 +95,8 @@ async def _(play: SceneClient) -> None:
     nobody = "no traffic light 'TL99'"
     await play.send_badly("/SetTrafficLight", nobody, trafficLightIndex="TL99", trafficLightStatus=RED)
     await play.send_badly("/SetTrafficLight", "sum of lamps", trafficLightIndex="TL22W", trafficLightStatus=2)
+    no_arrow = "have the lamps 1 + 4 + 16;"
+    await play.send_badly("/SetTrafficLight", no_arrow, trafficLightIndex="TL22W", trafficLightStatus=GREEN + LEFT)
 
 
 @TABLE.row(

@@ -123,10 +123,13 @@ async def test_light_has_the_colour_that_it_is_set_to(serve: Serve, open_page: O
     async with AsyncClient(server.url) as client:
         await client.start_sync()
         town = await client.map()
-        near = [light["name"] for light in town["lights"] if abs(light["x"] + 110) < 30 and abs(light["y"]) < 30]
+        near = [light for light in town["lights"] if abs(light["x"] + 110) < 30 and abs(light["y"]) < 30]
         for lamps, name in ((4, "yellow"), (1, "red"), (16, "green")):
             for light in near:
-                await client.publish("/SetTrafficLight", {"trafficLightIndex": light, "trafficLightStatus": lamps})
+                status = lamps & light["lamps"]  # those of pedestrians have no yellow
+                await client.publish(
+                    "/SetTrafficLight", {"trafficLightIndex": light["name"], "trafficLightStatus": status}
+                )
             await client.tick()
             others = [colour(COLOURS["signals"][other]) for other in ("yellow", "red", "green") if other != name]
             shown = colour(COLOURS["signals"][name])
