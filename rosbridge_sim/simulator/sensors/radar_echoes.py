@@ -212,14 +212,18 @@ class _Footprints:
         low, high = middle + turned.min(axis=0), middle + turned.max(axis=0)
         shown_width = 2.0 * np.abs(np.cos(middle) * corner_y - np.sin(middle) * corner_x).max(axis=0)
         num_bins = round(2.0 * math.pi / _BIN)
-        is_covered = np.zeros(num_bins, dtype=bool)
-        visible = np.ones(len(distance))
+        whole = (1 << num_bins) - 1
+        firsts = np.floor(low / _BIN).astype(np.int64)
+        counts = np.maximum(np.ceil(high / _BIN).astype(np.int64) - firsts, 1)
+        covered = 0  # a bit for each bin: an array for each of 300 boxes doubles the time of a whole reading
+        hidden = [0] * len(distance)
+        starts, nums = (firsts % num_bins).tolist(), counts.tolist()
         for i in np.argsort(distance, kind="stable").tolist():
-            first = math.floor(low.item(i) / _BIN)
-            bins = np.arange(first, max(first + 1, math.ceil(high.item(i) / _BIN))) % num_bins
-            visible[i] = 1.0 - np.count_nonzero(is_covered[bins]) / len(bins)
-            is_covered[bins] = True
-        return visible, shown_width
+            bins = ((1 << nums[i]) - 1) << starts[i]
+            bins, over = bins & whole, bins >> num_bins  # those past the end of the turn are at its begin
+            hidden[i] = (covered & bins).bit_count() + (covered & over).bit_count()
+            covered |= bins | over
+        return 1.0 - np.array(hidden) / counts, shown_width
 
 
 def _relative_velocities(
