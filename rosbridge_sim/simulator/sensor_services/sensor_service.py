@@ -30,7 +30,7 @@ from rosbridge_sim.simulator.sensors.sensor_presets import (
     read_rig,
     read_rig_text,
 )
-from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, FrameSpec, SensorSpec, check_rig
+from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, FrameSpec, RadarSpec, SensorSpec, check_rig
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
@@ -126,6 +126,8 @@ class SensorService(Component):
         ego.mountings |= moved
         self._context.static_tf.announce(now)
         _log.info("ego %d: %d cameras, lidars and radars", ego.index, len(rig.behind))
+        if any(isinstance(spec, RadarSpec) for spec in added) and (why := self._mounted.why_slow):
+            call.caller.notify("warning", why)
 
     def _read_moves(
         self, texts: Sequence[str], specs: dict[str, SensorSpec], ego: Ego, *, is_quick: bool

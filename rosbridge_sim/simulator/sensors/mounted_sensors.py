@@ -1,8 +1,10 @@
 """The component of all sensors: their topics, and the jobs of those that are drawn.
 
 All egos begin with the same rig. A sensor is read at the frames that its rate names, and only while somebody listens.
-GPS and IMU are published with their frame. A radar is read at once behind it. What cameras and lidars see is drawn by
-the worker of the shell, from copies of the frame:
+GPS and IMU are published with their frame. Radars are read at once behind it, at most `MAX_RADARS` in a frame: of more
+each has its turn every second frame, every third one, and so on. The turns follow from the frame and from what is
+mounted alone, so a repeated run has the same ones. What cameras and lidars see is drawn by the worker of the shell,
+from copies of the frame:
 
 - In synchronous mode the gate behind the frame stays closed until the messages are out. So they come before the answer
   of the tick, and before the next frame.
@@ -17,6 +19,7 @@ turns of the loop, so that no client waits for all of them.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -46,6 +49,7 @@ from rosbridge_sim.simulator.sensors.sensor_messages import SensorMessages
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource, SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, text_of
 from rosbridge_sim.simulator.sensors.sensor_specs import (
+    FRAME_RATE,
     CameraSpec,
     FrameSpec,
     Lidar2dSpec,
@@ -56,6 +60,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
     check_rig,
     complete,
     is_due,
+    num_due,
     topics_of,
 )
 from rosbridge_sim.simulator.sensors.sensor_table import SENSORS
@@ -65,6 +70,9 @@ __all__ = ["MountedSensors"]
 
 MAX_CAPTURES: Final = 4
 """Captures that are drawn at once: each has copies of its frame, and pictures of up to 25 MB."""
+
+MAX_RADARS: Final = 32
+"""Radars of all egos that are read in one frame: 16 ms among 300 entities, 31 ms with the widest beams."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -120,6 +128,7 @@ class MountedSensors(Component):
         self._rigs: dict[int, EgoRig] = {}  # by the egos' numbers
         self._epoch = 0  # number of resets and restores
         self._num_failures = 0
+        self._num_turns_told = 1
         self._num_captures = 0  # being drawn
         why = self.why_no_worker(rig)
         if why:
@@ -201,12 +210,43 @@ class MountedSensors(Component):
 
     def _after_frame(self, now: float) -> None:
         """Read the sensors that are due, or have them drawn."""
+        frame, num_turns, i = self._context.world.frame, self._num_turns, 0
+        if num_turns > self._num_turns_told:
+            self._num_turns_told = num_turns
+            _log.warning("%s", self.why_slow)
         for _, rig in self._egos_with_sensors():
             for mounted in rig.behind:
-                if is_due(rig.rate_of(mounted), self._context.world.frame):
+                if isinstance(mounted.spec, RadarSpec):
+                    i += 1
+                    if (frame + i) % num_turns == 0:
+                        num = num_due(rig.rate_of(mounted), frame, num_turns)
+                        mounted.is_owed = num > 0
+                        if num and is_wanted(mounted.publishers[0]):
+                            mounted.num_skipped += num - 1
+                elif is_due(rig.rate_of(mounted), frame):
                     mounted.num_skipped += mounted.is_owed
                     mounted.is_owed = True
         self._read_owed(now)
+
+    @property
+    def _num_radars(self) -> int:
+        return sum(isinstance(one.spec, RadarSpec) for _, rig in self._egos_with_sensors() for one in rig.behind)
+
+    @property
+    def _num_turns(self) -> int:
+        """Number of frames in which each radar has one turn."""
+        return max(1, math.ceil(self._num_radars / MAX_RADARS))
+
+    @property
+    def why_slow(self) -> str:
+        """Why radars are read at a lower rate than they have; empty if they are not."""
+        num, num_turns = self._num_radars, self._num_turns
+        if num_turns == 1:
+            return ""
+        return (
+            f"{num} radars are mounted, and a frame reads at most {MAX_RADARS}:"
+            f" each has a turn every {num_turns} frames, {FRAME_RATE / num_turns:.3g} Hz at most"
+        )
 
     def _read_owed(self, now: float) -> None:
         """Read the sensors that are owed, or have them drawn."""

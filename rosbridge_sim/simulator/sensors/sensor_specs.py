@@ -53,6 +53,7 @@ __all__ = [
     "complete",
     "frames_of",
     "is_due",
+    "num_due",
     "raw_bytes_of",
     "topics_of",
 ]
@@ -363,8 +364,13 @@ def is_due(rate: float, frame: int) -> bool:
         rate: at most `FRAME_RATE` [Hz].
         frame: of the world.
     """
+    return num_due(rate, frame, 1) > 0
+
+
+def num_due(rate: float, frame: int, num_frames: int) -> int:
+    """Return how many messages of a rate belong to the last frames up to one; see `is_due`."""
     up, down = _step(rate)
-    return frame * up // down > (frame - 1) * up // down
+    return frame * up // down - (frame - num_frames) * up // down
 
 
 @lru_cache(maxsize=64)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -717,3 +718,102 @@ def test_captures_that_wait_are_bounded() -> None:
     worker.finish()
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
     assert len(worker.jobs) == 4
+
+
+# Radars of many egos
+
+
+def _many_radars(num: int) -> list[RadarSpec]:
+    return [RadarSpec(frame_id=f"r{i}", topic=f"/r{i}", rate=50.0) for i in range(num)]
+
+
+def _radars_by_frame(client: Client, egos: Sequence[int], num: int, num_frames: int) -> list[list[str]]:
+    """The topics of radars that have a message in each of the next frames."""
+    prefixes = ["" if ego == 0 else f"/Ego-{ego}" for ego in egos]
+    topics = [f"{prefix}/r{i}" for prefix in prefixes for i in range(num)]
+    client.listen(*topics)
+    frames = []
+    for _ in range(num_frames):
+        client.heard.clear()
+        client.tick()
+        frames.append([name for name, _ in client.heard if name in topics])
+    return frames
+
+
+def _with_egos(client: Client) -> None:
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2, 3))
+
+
+def _by_the_rig(harness: SimHarness, client: Client) -> None:
+    del harness
+    _with_egos(client)
+
+
+def _by_the_service(harness: SimHarness, client: Client) -> None:
+    del harness
+    _with_egos(client)
+    for ego in (0, 2, 3):
+        add = {"radar": [{"frame_id": f"r{i}", "topic": f"/r{i}", "rate": 50} for i in range(20)]}
+        sensors(client, ego=ego, add=json.dumps(add))
+
+
+def _by_a_restore(harness: SimHarness, client: Client) -> None:
+    _by_the_service(harness, client)
+    client.call("/sim/snapshot", {"id": "here"})
+    for ego in (0, 2, 3):
+        sensors(client, ego=ego, remove=[f"r{i}" for i in range(20)])
+    client.call("/sim/restore", {"id": "here", "user_id": "me"})
+
+
+@pytest.mark.parametrize(
+    ("rig", "mount"), [(_many_radars(20), _by_the_rig), ([], _by_the_service), ([], _by_a_restore)]
+)
+def test_frame_reads_a_bounded_number_of_radars_and_each_has_its_turn(
+    rig: list[RadarSpec], mount: Callable[[SimHarness, Client], None], caplog: pytest.LogCaptureFixture
+) -> None:
+    harness, client = in_sync(*rig)
+    mount(harness, client)
+    client.tick()
+    frames = _radars_by_frame(client, (0, 2, 3), 20, 4)
+    assert [len(names) for names in frames] == [30, 30, 30, 30]
+    assert len(set(frames[0] + frames[1])) == 60
+    assert frames[:2] == frames[2:]
+    text = "60 radars are mounted, and a frame reads at most 32: each has a turn every 2 frames, 25 Hz at most"
+    assert caplog.messages.count(text) == 1
+
+
+def test_radars_that_are_not_due_each_frame_keep_their_rate_beside_many_others() -> None:
+    rig = [RadarSpec(frame_id=f"r{i}", topic=f"/r{i}") for i in range(20)]  # 20 Hz, and a turn at 25 Hz
+    _, client = in_sync(*rig)
+    _with_egos(client)
+    client.tick()
+    frames = _radars_by_frame(client, (0, 2, 3), 20, 20)
+    names = [name for one in frames for name in one]
+    assert {names.count(name) for name in set(names)} == {8}
+    assert max(len(one) for one in frames) <= 32
+    assert {one["skipped"] for one in sensors(client)["mounted"]} == {0}
+
+
+def test_radars_have_the_same_turns_after_a_restore() -> None:
+    _, client = in_sync(*_many_radars(20))
+    _with_egos(client)
+    client.tick()
+    client.call("/sim/snapshot", {"id": "here"})
+    first = _radars_by_frame(client, (0, 2, 3), 20, 3)
+    assert client.call("/sim/restore", {"id": "here", "user_id": "me"}).is_ok
+    again = [sorted(set(names)) for names in _radars_by_frame(client, (0, 2, 3), 20, 3)]
+    assert again == [sorted(names) for names in first]
+
+
+def test_client_that_adds_radars_beyond_those_of_a_frame_is_told_their_rate() -> None:
+    _, client = in_sync(*_many_radars(16))
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2))
+    client.tick()
+    assert not client.told
+    sensors(client, add='{"radar": [{}]}')
+    assert client.told == [
+        (
+            "warning",
+            "33 radars are mounted, and a frame reads at most 32: each has a turn every 2 frames, 25 Hz at most",
+        )
+    ]
