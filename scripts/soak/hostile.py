@@ -23,7 +23,7 @@ import random
 import sys
 import tempfile
 import zlib
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
@@ -316,6 +316,22 @@ def calls(service: str, num: int, args: dict[str, Any] | None = None) -> bytes:
     return masked(op(op="call_service", service=service, args=args or {}) * num)
 
 
+def radars(egos: Iterable[int]) -> list[bytes]:
+    """Return frames that give egos as many radars as they may have, hear all of them, and ask for five ticks.
+
+    Args:
+        egos: their numbers.
+
+    Returns:
+        The frames.
+    """
+    wide = {"near_range": 1_000, "far_range": 1_000, "near_fov": 170, "far_fov": 170, "vertical_fov": 90, "rate": 50}
+    add = op(radar=[{"frame_id": f"r{i}", "topic": f"/r{i}", "yaw": 11 * i, **wide} for i in range(32)]).decode()
+    heard = b"".join(op(op="subscribe", topic=f"/Ego-{ego}/r{i}") for ego in egos for i in range(32))
+    frames = [calls("/sim/sensors", 1, {"ego": ego, "add": add}) for ego in egos]
+    return [*frames, masked(heard), calls("/SyncModeWaitForTick", 5, {"request": {"user_id": "m"}})]
+
+
 def replay(name: str) -> bytes:
     """Return a call that replays a recording.
 
@@ -573,6 +589,20 @@ ROWS: tuple[Row, ...] = (
         listeners=[{**each, "topic": f"/Ego-{i}{each['topic']}"} for i in range(2, 60) for each in SENSOR_LISTENERS],
         flags=("--sensors", "teaching"),
         kept_mb=40.0,  # their topics, and a cloud of 0.4 MB of each
+    ),
+    Row(
+        "five ticks of 20 egos with 32 radars, all heard",
+        lambda: radars(range(18, 58, 2)),  # the numbers that spawned egos get
+        before=[
+            crowds.egos_at_once(20),
+            crowds.ghosts(300, 12.0),
+            {
+                "op": "call_service",
+                "service": "/SyncModeCmd",
+                "args": {"request": {"user_id": "m", "start_sync_mode": True, "time_step": 20}},
+            },
+        ],
+        kept_mb=10.0,  # 640 topics
     ),
     Row(
         "replay of a bag with 5,000 topics of plans",
