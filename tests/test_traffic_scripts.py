@@ -178,10 +178,10 @@ def test_cells_with_people_and_parked_cars_begin_with_them() -> None:
 
 def test_soak_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     cells = traffic_cells.cells_of(1.0, ["town", "hills"], 5)
-    assert cells[0] == traffic_cells.Cell("town", 24, 5)
-    assert [cell.seed for cell in cells] == [5] * 6
+    assert cells[0] == traffic_cells.Cell("town", 3, 5)
+    assert [cell.seed for cell in cells] == [5] * len(cells)
     progress = tmp_path / "progress"
-    outcome = traffic.Outcome(cells[0], num=24, minutes=10.0, lines=["a line"])
+    outcome = traffic.Outcome(cells[1], num=24, minutes=10.0, lines=["a line"])
     progress.write_text(json.dumps(asdict(outcome)) + '\n{"cell": {"map')
     assert traffic._read(progress) == [outcome]
     assert "| town | 24 | 0 | 10 min |" in traffic.as_table([outcome])

@@ -159,7 +159,7 @@ def test_scan_stops_the_car_before_an_obstacle(server: ServerProcess, client: Cl
     client.spawn("Cargo_Box", x=110.0, y=SOUTH, heading_deg=0.0)
     bumps = client.subscribe("/CollisionData", keep=100_000)
     out = run(server, "stop_by_scan.py")
-    assert 0.5 < figure_of(r"stopped (\d+\.\d) m before an obstacle", out) < 4.0
+    assert 0.5 < figure_of(r"stopped (\d+\.\d) m before an obstacle", out) < 5.5
     client.confirm()
     met = [message["collision_object"] for message in bumps.take()]
     assert met
