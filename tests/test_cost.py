@@ -8,11 +8,18 @@ import pytest
 
 from scripts.bench import guard
 
-FIGURES = json.loads(guard.FIGURES.read_text())
+FIGURES = guard.read_figures(guard.processor())
 
 
-def test_every_workload_has_a_figure() -> None:
-    assert set(FIGURES) == set(guard.WORKLOADS)
+def test_every_workload_has_a_figure_on_each_kind_of_processor() -> None:
+    for figures in json.loads(guard.FIGURES.read_text()).values():
+        assert set(figures) == set(guard.WORKLOADS)
+
+
+def test_processor_without_figures_has_the_highest_of_all() -> None:
+    unknown, known = guard.read_figures("unknown"), json.loads(guard.FIGURES.read_text())
+    assert unknown["tick"] == max(figures["tick"] for figures in known.values())
+    assert guard.read_figures("AuthenticAMD") == known["AuthenticAMD"]
 
 
 def test_dear_work_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
