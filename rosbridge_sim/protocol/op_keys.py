@@ -50,9 +50,10 @@ def describe_strange_keys(frame: bytes, op: Op) -> list[str]:
         keys = _split(frame).keys()
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):  # a key that is no UTF-8
         return []
-    strange = keys - _KNOWN[type(op)]
-    if not strange:
+    known = _KNOWN[type(op)]
+    if keys <= known:  # without a set of its own, as nearly all ops are
         return []
+    strange = keys - known
     name = type(op).__struct_config__.tag
     fields = [*op.__struct_fields__]
     left_out = [body for body in op.bodies if body not in keys]

@@ -89,7 +89,7 @@ class Peer(PeerBase):
         if not policy.is_open:
             policy.ways.on_change[self.topics.recheck] = None
         self._looks: dict[type, int] = {}  # frames of each kind of op that were searched
-        self._strange: set[str] = set()  # lines about keys that nobody reads
+        self._strange: frozenset[str] = frozenset()  # lines about keys that nobody reads
         self._act: dict[type, _Act] = {}  # the acts of the kinds of ops that came so far: most clients send few kinds
 
     def receive(self, frame: bytes, now: float) -> None:
@@ -134,7 +134,7 @@ class Peer(PeerBase):
         for text in describe_strange_keys(frame, op):
             self.session.remark("warning", text, op.id)
             if text not in self._strange and len(self._strange) < MAX_STRANGE:
-                self._strange.add(text)
+                self._strange |= {text}
                 self.note(Reason.BAD_OP, text, op)
         return act
 
