@@ -110,7 +110,7 @@ async def _run(simulator: Simulator) -> int:
 async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> BaseException | None:
     """Serve until `stopped` is done or the world fails; return the failure, if any."""
     if simulator.settings.listen:
-        await simulator.prepare_page()  # whoever reads the next line may open it at once
+        await simulator.prepare_page()  # a reader of the next line may open it at once
         print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
         _tell_page(simulator)
     else:

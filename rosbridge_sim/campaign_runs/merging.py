@@ -52,5 +52,5 @@ def merge_folders(paths: Sequence[Path], into: ResultsFolder) -> list[Result]:
 
 
 def _decided(result: Result) -> tuple[object, ...]:
-    """Return what must be the same whoever drives a run."""
+    """Return the parts of a result that are equal on every machine that drives the run."""
     return result.run, result.verdict, result.reason, result.scores, result.state_hash

@@ -31,7 +31,8 @@ MAX_ESCAPES: Final = 100_000
 _BACKSLASH: Final = ord("\\")
 
 _MARKS: Final = (b"{", b"[", b'"', b",", b"\\")
-"""What is counted. No limit is below `FEW`, and to find a rare mark takes half as long as to weigh."""
+"""Bytes that are counted. A body with fewer than `FEW` of each is within all limits. A search for rare bytes takes half
+as long as a full count."""
 
 
 class BodyLimits(Record):

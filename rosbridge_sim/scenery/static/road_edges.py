@@ -34,7 +34,7 @@ VERGE_WIDTH: Final = 3.0
 """Beyond kerb and pavement the edge leads down to the ground over this width [m]."""
 
 LEAST_VERGE: Final = 0.5
-"""Where less is left for the verge, the pavement is wider instead [m]."""
+"""Narrowest verge. If less room is left beside the pavement, the pavement takes it [m]."""
 
 NARROW: Final = PAVEMENT_WIDTH
 """Ground between a lane and what comes beside it that is not wider than this is asphalt [m]: a pavement has no room."""

@@ -226,7 +226,7 @@ class ReplayedPlans:
 
 
 def without_denied_plans(recording: Recording, caller: Participant) -> Recording:
-    """Return a recording without the plans that whoever replays it may not publish; a remark says so."""
+    """Return a recording without the plans that the caller may not publish; a remark says so."""
     denied = [plan for plan in recording.plans if not _may_publish(caller, plan)]
     if not denied:
         return recording

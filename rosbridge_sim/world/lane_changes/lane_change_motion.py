@@ -63,7 +63,8 @@ LEAST_LATERAL: Final = 0.3
 """Lateral acceleration that a lane change leaves for the bend at least [m/s^2]."""
 
 RESERVE: Final = 0.1
-"""What it leaves beside both: for the wander, and for the shorter way on the inner side of the bend [m/s^2]."""
+"""Lateral acceleration that bend and lane change together leave unused: for the wander within the lane, and for the
+shorter way on the inner side of the bend [m/s^2]."""
 
 CAR_LENGTH: Final = 4.5
 """Length of a usual car [m]."""
