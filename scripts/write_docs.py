@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Write the generated pages and pictures of the documentation.
 
-    python scripts/write_docs.py           writes docs/reference/*.md and docs/images/*.svg
+    python scripts/write_docs.py           writes docs/reference/*.md, docs/images/*.svg, the walks in architecture.md
     python scripts/write_docs.py --check   writes nothing; lists outdated files and ends with code 1
 
-Run it after a change of a setting, a definition, a topic, a service, the table of synchronous mode, or an import
-between rooms. A test compares the files with the output of this script, so change the sources, not the files.
+Run it after a change of a setting, a definition, a topic, a service, the table of synchronous mode, an import
+between rooms, or a function that each message or each tick passes. A test compares the files with the output of this
+script, so change the sources, not the files.
 """
 
 from __future__ import annotations
@@ -28,12 +29,14 @@ from scripts.docs_pages.flags import write_flags  # noqa: E402
 from scripts.docs_pages.learning_curve import draw_learning_curve  # noqa: E402
 from scripts.docs_pages.rooms import PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
+from scripts.walks import write_walks  # noqa: E402
 
 __all__ = ["DOCS", "GENERATED", "find_outdated"]
 
 DOCS: Final = ROOT / "docs"
 
 GENERATED: Final[dict[str, Callable[[], str]]] = {
+    "architecture.md": write_walks,
     "reference/flags.md": write_flags,
     "reference/campaigns.md": write_campaigns,
     "reference/environments.md": write_environments,
