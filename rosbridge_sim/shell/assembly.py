@@ -45,8 +45,7 @@ from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker, drawn_of
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -223,9 +222,7 @@ def start_worker(settings: Settings, loop: asyncio.AbstractEventLoop, on_done: C
     """
     worker = SensorThread(loop)
     worker.on_done = on_done
-    drawn = [
-        spec for spec in read_sensors(settings.sensors) if isinstance(spec, CameraSpec | Lidar3dSpec | Lidar2dSpec)
-    ]
+    drawn = drawn_of(read_sensors(settings.sensors))
     if drawn:
         worker.open(drawn)
     return worker

@@ -25,8 +25,8 @@ from importlib.util import find_spec
 from typing import IO, Any, Final
 
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
 __all__ = ["DrawingError", "DrawingProcess", "main"]

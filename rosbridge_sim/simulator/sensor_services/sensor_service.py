@@ -23,6 +23,7 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
 from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.sensor_presets import (
     document_of,
     learn_rig_mistakes,
@@ -30,7 +31,8 @@ from rosbridge_sim.simulator.sensors.sensor_presets import (
     read_rig,
     read_rig_text,
 )
-from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, FrameSpec, RadarSpec, SensorSpec, check_rig
+from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, SensorSpec
+from rosbridge_sim.simulator.sensors.sensor_table import check_rig
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
@@ -113,7 +115,7 @@ class SensorService(Component):
             specs = [spec for spec in specs if spec.frame_id != name]
         added = read_rig_text(request.add, "add", is_quick=is_quick) if request.add else ()
         for spec in added:
-            if isinstance(spec, FrameSpec):
+            if spec.is_on_each_ego:
                 raise FieldError(f"add: {spec.kind}: each ego has one; move {spec.frame_id} instead")
         specs += added
         check_rig(specs)

@@ -20,7 +20,10 @@ from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import EXTINCTION, Channel, Picture, PictureMaker, RayMaker, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
+from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes, disturb_picture
+from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
+from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import (
     FADING,
     Beams,
@@ -33,7 +36,7 @@ from rosbridge_sim.simulator.sensors.lidar_sweep import (
     sweep,
 )
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import SensorSpec
 
 __all__ = [
     "Cloud",
@@ -47,11 +50,18 @@ __all__ = [
     "Sight",
     "VisibleBoxes",
     "draw",
+    "drawn_of",
     "model_of",
 ]
 
 DrawnSpec: TypeAlias = CameraSpec | Lidar3dSpec | Lidar2dSpec
 """Specifications of the sensors that need the scene as triangles."""
+
+
+def drawn_of(specs: Sequence[SensorSpec]) -> list[DrawnSpec]:
+    """Return those of some sensors that are drawn."""
+    return [spec for spec in specs if isinstance(spec, CameraSpec | Lidar3dSpec | Lidar2dSpec)]
+
 
 BOX_RANGE: Final = 150.0
 """Farthest boxes in a picture [m]: a car there is 4 pixels wide at 640 pixels and 90 deg."""

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes, own_velocity
 from rosbridge_sim.simulator.sensors.sensor_noise import CameraNoise, LidarNoise, RadarNoise
-from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting

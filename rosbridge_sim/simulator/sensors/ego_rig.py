@@ -13,15 +13,7 @@ from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.sensors.sensor_specs import (
-    FRAME_RATE,
-    CameraSpec,
-    FrameSpec,
-    Lidar3dSpec,
-    Rig,
-    SensorSpec,
-    topics_of,
-)
+from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig, SensorSpec
 
 __all__ = ["MEASURED_FRAMES", "EgoRig", "MountedSensor", "is_wanted"]
 
@@ -38,7 +30,7 @@ class MountedSensor:
 
     Attributes:
         spec: as it was chosen; where it is now is in the ego's `mountings`.
-        publishers: of its topics, in the order of `topics_of`.
+        publishers: of its topics, in the order of `SensorSpec.topics`.
         frames: at which it was read last.
         num_skipped: messages that were left out because the worker had another job.
         is_owed: it was due while the worker had another job.
@@ -104,13 +96,13 @@ class EgoRig:
         before = {mounted.spec: mounted for mounted in self.sensors}
         self.sensors = [before.get(spec) or MountedSensor(spec) for spec in specs]
         for mounted in self.sensors:
-            mounted.publishers = [self._publishers[name] for name, _ in topics_of(mounted.spec)]
-        self.behind = [mounted for mounted in self.sensors if not isinstance(mounted.spec, FrameSpec)]
+            mounted.publishers = [self._publishers[name] for name, _ in mounted.spec.topics]
+        self.behind = [mounted for mounted in self.sensors if not mounted.spec.is_on_each_ego]
         ego = self.ego
         ego.mountings = {
             spec.frame_id: ego.mountings[spec.frame_id] if spec in before else spec.mounting for spec in specs
         }
-        ego.optical_frames = tuple(spec.frame_id for spec in specs if isinstance(spec, CameraSpec))
+        ego.optical_frames = tuple(spec.frame_id for spec in specs if spec.is_picture)
 
     def _bind_topics(self, specs: Rig, now: float) -> dict[str, PeriodicPublisher]:
         """Return the publishers that sensors need; those that are not needed any longer are gone.
@@ -118,7 +110,7 @@ class EgoRig:
         Raises:
             GraphError: see `mount`.
         """
-        wanted = {topic: spec for spec in specs for topic in topics_of(spec)}
+        wanted = {topic: spec for spec in specs for topic in spec.topics}
         kept = {name: one for name, one in self._publishers.items() if (name, one.type_name) in wanted}
         gone = {name: one for name, one in self._publishers.items() if name not in kept}
         for publisher in gone.values():
@@ -131,13 +123,13 @@ class EgoRig:
         except PeerError:
             for publisher in new.values():
                 self._context.publishers.drop(publisher, now)
-            specs_before = {topic: mounted.spec for mounted in self.sensors for topic in topics_of(mounted.spec)}
+            specs_before = {topic: mounted.spec for mounted in self.sensors for topic in mounted.spec.topics}
             self._publishers = kept | {
                 name: self._add_topic(name, one.type_name, specs_before[name, one.type_name])
                 for name, one in gone.items()
             }
             for mounted in self.sensors:
-                mounted.publishers = [self._publishers[name] for name, _ in topics_of(mounted.spec)]
+                mounted.publishers = [self._publishers[name] for name, _ in mounted.spec.topics]
             raise
         return kept | new
 
@@ -149,7 +141,7 @@ class EgoRig:
             lambda: self._read_in_frame(spec),
             rate=spec.rate,
             is_sampled=True,
-            is_second_name=isinstance(spec, Lidar3dSpec) and name != spec.topic,
+            is_second_name=name in spec.second_names,
         )
 
     def _read_in_frame(self, spec: SensorSpec) -> Struct | None:

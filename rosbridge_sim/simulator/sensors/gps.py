@@ -12,14 +12,31 @@ from typing import ClassVar
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.georeference import Georeference, import_projection
 from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.sensor import Sensor
 from rosbridge_sim.simulator.sensors.sensor_files import gps_text
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
+from rosbridge_sim.simulator.sensors.sensor_specs import GPS_FRAME, SensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import locate
 
-__all__ = ["Gps"]
+__all__ = ["Gps", "GpsSpec"]
+
+
+class GpsSpec(SensorSpec, frozen=True, kw_only=True):
+    """The GPS antenna; the settings of topics have its rate."""
+
+    kind: ClassVar[str] = "gps"
+    is_on_each_ego: ClassVar[bool] = True
+    frame_id: ClassVar[str] = GPS_FRAME
+    topic: ClassVar[str] = "/gps"
+    rate: ClassVar[float] = USUAL_RATE
+
+    @property
+    def topics(self) -> list[tuple[str, str]]:
+        """Its one topic."""
+        return [(self.topic, Gps.type_name)]
 
 
 class Gps(Sensor):
@@ -30,7 +47,7 @@ class Gps(Sensor):
     """
 
     title: ClassVar[str] = "GPS"
-    frame: ClassVar[str] = "gps_link"
+    frame: ClassVar[str] = GPS_FRAME
     topic: ClassVar[str] = "gps"
     type_name: ClassVar[str] = "morai_msgs/GPSMessage"
     prepare = staticmethod(import_projection)

@@ -10,21 +10,38 @@ from typing import ClassVar
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.sensor import Sensor
 from rosbridge_sim.simulator.sensors.sensor_files import imu_text
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise, covariance
+from rosbridge_sim.simulator.sensors.sensor_specs import IMU_FRAME, SensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import feel
 
-__all__ = ["Imu"]
+__all__ = ["Imu", "ImuSpec"]
+
+
+class ImuSpec(SensorSpec, frozen=True, kw_only=True):
+    """The inertial unit; the settings of topics have its rate."""
+
+    kind: ClassVar[str] = "imu"
+    is_on_each_ego: ClassVar[bool] = True
+    frame_id: ClassVar[str] = IMU_FRAME
+    topic: ClassVar[str] = "/imu"
+    rate: ClassVar[float] = USUAL_RATE
+
+    @property
+    def topics(self) -> list[tuple[str, str]]:
+        """Its one topic."""
+        return [(self.topic, Imu.type_name)]
 
 
 class Imu(Sensor):
     """The inertial unit."""
 
     title: ClassVar[str] = "IMU"
-    frame: ClassVar[str] = "imu_link"
+    frame: ClassVar[str] = IMU_FRAME
     topic: ClassVar[str] = "imu"
     type_name: ClassVar[str] = "sensor_msgs/Imu"
 

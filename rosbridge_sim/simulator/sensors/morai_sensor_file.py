@@ -21,7 +21,8 @@ from rosbridge_sim.document_reading import read_document
 from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, Number, Whole
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, read_rig
-from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, MAX_SENSORS, Rig
+from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig
+from rosbridge_sim.simulator.sensors.sensor_table import MAX_SENSORS
 
 __all__ = ["is_morai_file", "read_morai_sensors"]
 

@@ -40,30 +40,22 @@ from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
-from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Result, Scan, SensorWorker, Shot, Sight
+from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
+from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Result, Scan, SensorWorker, Shot, Sight, drawn_of
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_radar
 from rosbridge_sim.simulator.sensors.ego_rig import EgoRig, MountedSensor, is_wanted
+from rosbridge_sim.simulator.sensors.gps import Gps
+from rosbridge_sim.simulator.sensors.imu import Imu
+from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
+from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
 from rosbridge_sim.simulator.sensors.sensor_messages import SensorMessages
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource, SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, text_of
-from rosbridge_sim.simulator.sensors.sensor_specs import (
-    FRAME_RATE,
-    CameraSpec,
-    FrameSpec,
-    Lidar2dSpec,
-    Lidar3dSpec,
-    RadarSpec,
-    Rig,
-    SensorSpec,
-    check_rig,
-    complete,
-    is_due,
-    num_due,
-    topics_of,
-)
-from rosbridge_sim.simulator.sensors.sensor_table import SENSORS
+from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig, SensorSpec, is_due, num_due
+from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, check_rig, complete
 from rosbridge_sim.simulator.sensors.weather import WeatherControl
 
 __all__ = ["MountedSensors"]
@@ -121,7 +113,7 @@ class MountedSensors(Component):
         self._context = context
         self._start_rig = complete(rig)
         self._noise = noise
-        self.frame_sensors = {sensor.frame: sensor(context, noise) for sensor in SENSORS}
+        self.frame_sensors = {sensor.frame: sensor(context, noise) for sensor in (Gps, Imu)}
         self._worker = worker
         self._weather = weather or WeatherControl(context)
         self._is_dressed = is_dressed
@@ -158,7 +150,7 @@ class MountedSensors(Component):
 
     def why_no_worker(self, specs: Sequence[SensorSpec]) -> str:
         """Return why some sensors cannot be served; empty if they can."""
-        drawn = [spec for spec in specs if isinstance(spec, CameraSpec | Lidar3dSpec | Lidar2dSpec)]
+        drawn = drawn_of(specs)
         if not drawn:
             return ""
         if self._worker is None:
@@ -180,10 +172,10 @@ class MountedSensors(Component):
             GraphError: it may not have them.
         """
         context = self._context
-        at_start = {name for spec in self._start_rig for name, _ in topics_of(spec)}
+        at_start = {name for spec in self._start_rig for name, _ in spec.topics}
         had = at_start if context.egos.find(index) is None else self._rigs[index].topics
         for spec in specs:
-            for default, type_name in topics_of(spec):
+            for default, type_name in spec.topics:
                 name = context.interfaces.name_of(InterfaceKind.PUBLISHER, default, ego_prefix(index))
                 if default in had or not name:  # an empty name: the network settings have it off
                     continue
@@ -315,7 +307,7 @@ class MountedSensors(Component):
     def _add(self, plan: _Plan, ego: Ego, mounted: MountedSensor, wanted: Sequence[bool], now: float) -> None:
         """Add what a sensor sees to a job, and what becomes of it."""
         spec = mounted.spec
-        assert not isinstance(spec, RadarSpec | FrameSpec), "it is read at once"
+        assert isinstance(spec, CameraSpec | Lidar3dSpec | Lidar2dSpec), "others are read at once"
         header, frame = self._header(ego, spec), self._context.world.frame
         has_boxes = False
         if isinstance(spec, CameraSpec):
@@ -503,7 +495,7 @@ class MountedSensors(Component):
             raise ValueError("expected sensors of egos that are there")
         for index, ego in egos.items():
             rig, saved = self._rigs[index], dict(ego.mountings)
-            specs = complete((*rig.specs[: len(SENSORS)], *rigs.get(index, ())))
+            specs = complete((*rig.specs[: len(SENSOR_FRAMES)], *rigs.get(index, ())))
             if list(saved) != [spec.frame_id for spec in specs]:
                 raise ValueError(f"expected a place for each sensor of ego {index}")
             rig.mount(specs, now)

@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.records import Record
-from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion, Vector, chain, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, locate

@@ -8,10 +8,11 @@ from typing import Any, Final
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.sensors.camera_sensor import BOXES, PIXEL_BYTES, CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import Cloud, Scan, Shot, VisibleBoxes, model_of
+from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes
-from rosbridge_sim.simulator.sensors.sensor_specs import BOXES, PIXEL_BYTES, CameraSpec, Lidar2dSpec
 from rosbridge_sim.simulator.sensors.vision_messages import VisionMessages, optical
 
 __all__ = ["SensorMessages"]

@@ -17,31 +17,22 @@ from msgspec import Meta
 from rosbridge_sim.document_reading import document_schema, learn_mistakes, read_document
 from rosbridge_sim.documents import Document, DocumentType, keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.simulator.sensors.sensor_specs import (
-    MAX_SENSORS,
-    CameraSpec,
-    FrameSpec,
-    GpsSpec,
-    ImuSpec,
-    Lidar2dSpec,
-    Lidar3dSpec,
-    RadarSpec,
-    Rig,
-    SensorSpec,
-    check_rig,
-)
+from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
+from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
+from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
+from rosbridge_sim.simulator.sensors.sensor_table import KINDS, MAX_SENSORS, check_rig
 from rosbridge_sim.suggestions import hint
 
 __all__ = [
     "MAX_SENSORS_BYTES",
     "PRESETS",
-    "SensorList",
     "document_of",
     "learn_rig_mistakes",
     "parse_object",
     "read_rig",
     "read_rig_text",
-    "rig_of",
     "rig_schema",
     "text_of",
 ]
@@ -85,24 +76,23 @@ PRESETS: Final[Mapping[str, Rig]] = {
 """Rigs by name. The level lidar and the radar of `all` are behind the front bumper of a usual car."""
 
 
-class SensorList(Document, frozen=True, kw_only=True):
-    """The sensors of an ego, by kind."""
-
-    gps: GpsSpec | None = None
-    imu: ImuSpec | None = None
-    camera: Annotated[tuple[CameraSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
-    lidar3d: Annotated[tuple[Lidar3dSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
-    lidar2d: Annotated[tuple[Lidar2dSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
-    radar: Annotated[tuple[RadarSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
-
-    @property
-    def rig(self) -> Rig:
-        """All of them, in the order of their numbers."""
-        each = (spec for spec in (self.gps, self.imu) if spec is not None)
-        return (*each, *self.camera, *self.lidar3d, *self.lidar2d, *self.radar)
+def _field(kind: type[SensorSpec]) -> tuple[str, Any, Any]:
+    if kind.is_on_each_ego:
+        return kind.kind, kind | None, None
+    return kind.kind, Annotated[tuple[kind, ...], Meta(max_length=MAX_SENSORS)], ()  # type: ignore[valid-type] # of the table
 
 
-_DOCUMENT: Final = DocumentType[SensorList](SensorList)
+SensorList: Final[Any] = msgspec.defstruct(
+    "SensorList",
+    [_field(kind) for kind in KINDS],
+    bases=(Document,),
+    namespace={"__doc__": "The sensors of an ego, by kind."},
+    module=__name__,
+    frozen=True,
+    kw_only=True,
+)
+
+_DOCUMENT: Final = DocumentType[Any](SensorList)
 
 
 def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False) -> Rig:
@@ -122,20 +112,24 @@ def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False
         known = keys_beside(SensorList, path)
         raise DocumentError(f"{source}: {path}: expected one of {', '.join(known)}{hint(key, known)}")
     text = json.dumps(document, default=str).encode()  # a date of TOML is no value of any key
-    return rig_of(read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES, is_quick=is_quick), source)
+    return _rig_of(read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES, is_quick=is_quick), source)
 
 
-def rig_of(sensors: SensorList, source: str) -> Rig:
-    """Return the rig of a list that was read.
+def _rig_of(sensors: Document, source: str) -> Rig:
+    """Return the sensors of a list that was read, in the order of their numbers.
 
     Raises:
         DocumentError: an ego cannot have these sensors together.
     """
+    rig: list[SensorSpec] = []
+    for kind in KINDS:
+        found = getattr(sensors, kind.kind)
+        rig += found if isinstance(found, tuple) else () if found is None else (found,)
     try:
-        check_rig(sensors.rig)
+        check_rig(rig)
     except FieldError as error:
         raise DocumentError(f"{source}: {error}") from None
-    return sensors.rig
+    return tuple(rig)
 
 
 def document_of(spec: SensorSpec, **changes: object) -> dict[str, Any]:
@@ -145,7 +139,7 @@ def document_of(spec: SensorSpec, **changes: object) -> dict[str, Any]:
         changes: other values of its keys.
     """
     values = msgspec.to_builtins(spec) | changes
-    return {spec.kind: values if isinstance(spec, FrameSpec) else [values]}
+    return {spec.kind: values if spec.is_on_each_ego else [values]}
 
 
 def text_of(spec: SensorSpec) -> str:

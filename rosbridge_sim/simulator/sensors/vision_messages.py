@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.sensors.camera_sensor import DETECTIONS_2D, DETECTIONS_3D
 from rosbridge_sim.simulator.sensors.drawing import VisibleBoxes
-from rosbridge_sim.simulator.sensors.sensor_specs import DETECTIONS_2D, DETECTIONS_3D
 from rosbridge_sim.world.geometry.planar import Quaternion
 
 __all__ = ["VisionMessages", "optical"]

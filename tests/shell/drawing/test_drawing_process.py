@@ -16,8 +16,8 @@ from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.drawing.drawing_process import DrawingError, DrawingProcess
 from rosbridge_sim.shell.drawing.sensor_makers import make_makers
 from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Sight, draw
+from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
-from rosbridge_sim.simulator.sensors.sensor_specs import Lidar3dSpec
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import put
@@ -126,7 +126,7 @@ def test_process_ends_with_its_parent() -> None:
     program = (
         "import os\n"
         "from rosbridge_sim.shell.drawing.drawing_process import DrawingProcess\n"
-        "from rosbridge_sim.simulator.sensors.sensor_specs import Lidar3dSpec\n"
+        "from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec\n"
         "process = DrawingProcess()\n"
         "process.open([Lidar3dSpec()])\n"
         "os.kill(os.getpid(), 9)\n"

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.records import replace
+from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes, disturb_picture, disturb_radar
+from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
+from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
 from rosbridge_sim.simulator.sensors.sensor_noise import (
     TYPICAL,
@@ -19,7 +23,6 @@ from rosbridge_sim.simulator.sensors.sensor_noise import (
     RadarNoise,
     SensorNoise,
 )
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec, RadarSpec
 from tests.simulator.sensors.test_mounted_sensors import in_sync
 from tests.simulator.sensors.test_radar_echoes import FRONT, rear_of, scene
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes, find_echoes
-from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
 from rosbridge_sim.world.state.world import Body, Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 

@@ -7,20 +7,15 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
+from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import model_of
+from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
+from rosbridge_sim.simulator.sensors.lidar_3d import POINT_BYTES, Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
+from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS, read_rig
-from rosbridge_sim.simulator.sensors.sensor_specs import (
-    POINT_BYTES,
-    CameraSpec,
-    Lidar2dSpec,
-    Lidar3dSpec,
-    RadarSpec,
-    SensorSpec,
-    check_rig,
-    is_due,
-    topics_of,
-)
+from rosbridge_sim.simulator.sensors.sensor_specs import SensorSpec, is_due
+from rosbridge_sim.simulator.sensors.sensor_table import check_rig
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -130,23 +125,23 @@ def test_sensors_are_due_at_the_frames_of_a_topic_with_their_rate(rate: float) -
 
 
 def test_lidar_has_both_names() -> None:
-    assert topics_of(Lidar3dSpec()) == [
+    assert Lidar3dSpec().topics == [
         ("/lidar3D", "sensor_msgs/PointCloud2"),
         ("/velodyne_points", "sensor_msgs/PointCloud2"),
     ]
-    assert topics_of(Lidar3dSpec(topic="/front/points")) == [("/front/points", "sensor_msgs/PointCloud2")]
+    assert Lidar3dSpec(topic="/front/points").topics == [("/front/points", "sensor_msgs/PointCloud2")]
 
 
 def test_picture_that_is_no_colours_has_a_topic_of_its_own() -> None:
     assert CameraSpec(picture="depth").topic == "/image"
     assert CameraSpec(picture="instance", topic="/ids").topic == "/ids"
     assert CameraSpec(encoding="raw").topic == "/image_raw"
-    assert topics_of(CameraSpec(picture="depth"))[0] == ("/image", "sensor_msgs/Image")
+    assert CameraSpec(picture="depth").topics[0] == ("/image", "sensor_msgs/Image")
 
 
 def test_camera_info_stands_beside_the_picture() -> None:
-    assert topics_of(CameraSpec(topic="/image_jpeg/compressed2"))[1][0] == "/image_jpeg/camera_info"
-    assert topics_of(CameraSpec(topic="/front"))[1][0] == "/front/camera_info"
+    assert CameraSpec(topic="/image_jpeg/compressed2").topics[1][0] == "/image_jpeg/camera_info"
+    assert CameraSpec(topic="/front").topics[1][0] == "/front/camera_info"
 
 
 def test_scan_is_bounded_since_its_ranges_are_text() -> None:
