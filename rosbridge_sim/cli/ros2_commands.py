@@ -22,8 +22,8 @@ def run_ros2(argv: Sequence[str]) -> int:
     parser = add(
         "check",
         _check,
-        "tell why nodes that are started in this terminal see nothing of a server: domain, range, interface, quality of"
-        " service, type hash",
+        "tell why nodes that are started in this terminal see nothing of a server, or see it twice: domain, range,"
+        " interface, quality of service, type hash, publishers",
     )
     parser.add_argument("--domain", type=_domain, metavar="N", help="of the server [ROS_DOMAIN_ID, or 0]")
     parser.add_argument(

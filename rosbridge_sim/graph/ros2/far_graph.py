@@ -20,8 +20,9 @@ class Endpoint(Record):
         dds_type: name of its type for DDS.
         is_writer: it publishes.
         quality: what it offers or asks for.
-        node: name of its node, or of its program if the node has not told its name.
+        node: name of its node; empty if the node has not told its name.
         is_named: false if its node may still tell its name; then the endpoint will be noted again.
+        program: GUID of its program, as `guid_text` writes it.
     """
 
     key: str
@@ -31,16 +32,18 @@ class Endpoint(Record):
     quality: Quality
     node: str
     is_named: bool = True
+    program: str = ""
 
 
 class FarNode(Protocol):
     """Our node on the graph of ROS 2. Names of topics are those of our bus."""
 
-    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         """Publish on a topic; other nodes see it from now on.
 
         Args:
             quality: what is offered.
+            is_sole: other nodes are told that nobody else may publish there.
 
         Raises:
             GraphError: the library refuses it.

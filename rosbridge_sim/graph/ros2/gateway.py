@@ -24,9 +24,11 @@ from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
 from rosbridge_sim.graph.ros2.far_graph import Endpoint, FarNode
+from rosbridge_sim.graph.ros2.network_check import ONE_TOO_MANY
 from rosbridge_sim.graph.ros2.quality import Quality
-from rosbridge_sim.graph.ros2.ros2_names import dds_type, is_name, type_of
+from rosbridge_sim.graph.ros2.ros2_names import dds_type, is_name, name_some, node_text, type_of
 from rosbridge_sim.graph.topics_services import Subscription, Topic
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
 
 __all__ = ["ADVERTISED_PER_TURN", "MAX_TOPICS", "PERIOD", "Ros2Gateway"]
@@ -46,8 +48,8 @@ MAX_ENDPOINTS: Final = 20_000
 MAX_LINES: Final = 200
 """Most lines of the log that are written once each, whatever other programs do."""
 
-NODE: Final = "{node}"
-"""Stands for the name of a node in a line of the log that waits for it."""
+GATHERING: Final = 2.0
+"""Time for which lines about endpoints are gathered, so that those of a program for one reason are one line [s]."""
 
 ENDPOINTS_PER_TURN: Final = 1
 """Writers and readers that one turn opens: the DDS library takes up to 40 ms for a new type."""
@@ -59,6 +61,21 @@ PERIOD: Final = 0.1
 """Least time between two looks at all topics [s]."""
 
 _log = logging.getLogger("rosbridge_sim.ros2")
+
+
+@dataclass(slots=True)
+class _Untold:
+    """A topic of an endpoint that does not pass, which the log does not tell yet.
+
+    Attributes:
+        why: the reason.
+        kind: equal for the topics of a program that one line may tell.
+    """
+
+    endpoint: Endpoint
+    why: str
+    kind: object
+    level: int
 
 
 @dataclass(slots=True)
@@ -122,7 +139,8 @@ class Ros2Gateway:
         self._endpoints: dict[str, Endpoint] = {}
         self._advertised: dict[str, str] = {}
         self._told: set[str] = set()
-        self._untold: dict[str, tuple[str, int]] = {}  # what waits for the name of an endpoint's node, by its key
+        self._untold: dict[str, _Untold] = {}  # by the key of the endpoint
+        self._tell_at: float | None = None
         self._refused: set[tuple[str, str]] = set()
         self._due: float | None = 0.0
         self._looked_at = -PERIOD
@@ -171,6 +189,7 @@ class Ros2Gateway:
         self._bus.on_topic.remove(self._note_topic)
         self._bus.on_holdings.remove(self._note_holdings)
         self._due = None
+        self._tell_gathered(is_last=True)
         self._bus.leave(self, now)
         for topic in list(self._writers):
             self._node.close_writer(topic)
@@ -189,15 +208,14 @@ class Ros2Gateway:
             lost: keys of those that are gone.
         """
         for key in lost:
-            gone = self._endpoints.pop(key, None)
-            if gone is not None:
-                self._tell_untold(gone)
+            self._endpoints.pop(key, None)
+            self._name_untold(key, None, now)
             self._refused.clear()  # there may be room now
         for endpoint in found:
             if len(self._endpoints) < MAX_ENDPOINTS:
                 self._endpoints[endpoint.key] = endpoint
                 if endpoint.is_named:
-                    self._tell_untold(endpoint)
+                    self._name_untold(endpoint.key, endpoint, now)
             else:
                 self._tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
         self._mark(now)
@@ -226,11 +244,13 @@ class Ros2Gateway:
 
     def next_due(self, _now: float) -> float | None:
         """Return when `advance` has something to do next [s]."""
-        return self._due
+        return min((at for at in (self._due, self._tell_at) if at is not None), default=None)
 
     def advance(self, now: float) -> None:
         """Make the wanted writers and readers, if something has changed."""
         self._now = now
+        if self._tell_at is not None and now >= self._tell_at:
+            self._tell_gathered()
         if self._due is None or now < self._due:
             return
         self._due = None
@@ -290,14 +310,13 @@ class Ros2Gateway:
     def _foreign_type(self, endpoint: Endpoint) -> CdrType | None:
         """Return the type of an endpoint of another program; None if it is not known here, which is told once."""
         type_name = type_of(endpoint.dds_type)
-        where = f"{endpoint.topic} of {NODE} does not pass"
         if type_name is None:
-            self._tell_of(endpoint, f"{where}: {endpoint.dds_type} is no message of ROS 2")
+            self._tell_of(endpoint, f"{endpoint.dds_type} is no message of ROS 2")
             return None
         try:
             return self._types.find(type_name)
         except PeerError as error:
-            self._tell_of(endpoint, f"{where}: {error}", logging.INFO)
+            self._tell_of(endpoint, str(error), level=logging.INFO)
             return None
 
     def _advertise(self, name: str, cdr_type: CdrType, endpoint: Endpoint | None = None) -> bool:
@@ -309,7 +328,8 @@ class Ros2Gateway:
             self._policy.check_publish(name, cdr_type.type.name)
             self._bus.advertise(self, name, cdr_type.type.name, is_on_demand=True)
         except PeerError as error:
-            self._tell_of(endpoint, f"{NODE} publishes {name}, and its messages do not pass: {error}")
+            kind = error.reason if isinstance(error, GraphError) else None
+            self._tell_of(endpoint or Endpoint("", name, "", True, Quality(), ""), str(error), kind)  # noqa: FBT003 - a field
             return False
         self._advertised[name] = cdr_type.name
         return True
@@ -352,7 +372,7 @@ class Ros2Gateway:
             return False
         quality = self._quality_of(topic)
         try:
-            self._node.open_writer(topic.name, cdr_type, quality)
+            self._node.open_writer(topic.name, cdr_type, quality, is_sole=topic.owner is not None)
         except GraphError as error:
             self._tell(f"{topic.name} cannot be published: {error}")
             self._refused.add((topic.name, cdr_type.name))
@@ -415,8 +435,7 @@ class Ros2Gateway:
             if endpoint.is_writer and endpoint.topic in wanted:
                 if endpoint.dds_type != dds_type(wanted[endpoint.topic].name):
                     expected = wanted[endpoint.topic].name
-                    text = f"{NODE} publishes {endpoint.topic} as {endpoint.dds_type}, not as {expected}"
-                    self._tell_of(endpoint, f"{text}: its messages do not pass")
+                    self._tell_of(endpoint, f"the type is {endpoint.dds_type}, expected {expected}")
                     continue
                 found.setdefault(endpoint.topic, []).append(endpoint.quality)
         return {
@@ -482,19 +501,42 @@ class Ros2Gateway:
         refusal = RefusedRequest(self.address, reason, "publish", name, text)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
-    def _tell_of(self, endpoint: Endpoint | None, text: str, level: int = logging.WARNING) -> None:
-        """Log a line about an endpoint once, when the name of its node is known, which stands for `NODE`."""
-        if endpoint is None:
-            self._tell(text.replace(NODE, "a program there", 1), level)
-        elif endpoint.is_named:
-            self._tell(text.replace(NODE, endpoint.node, 1), level)
-        elif len(self._untold) < MAX_LINES:
-            self._untold[endpoint.key] = text, level
+    def _tell_of(self, endpoint: Endpoint, why: str, kind: object = None, level: int = logging.WARNING) -> None:
+        """Have the log tell why a topic of another program does not pass, when the name of its node is known.
 
-    def _tell_untold(self, endpoint: Endpoint) -> None:
-        text, level = self._untold.pop(endpoint.key, ("", 0))
-        if text:
-            self._tell(text.replace(NODE, endpoint.node, 1), level)
+        Args:
+            kind: see `_Untold`; None for topics with the same reason.
+        """
+        if endpoint.key in self._untold or len(self._untold) < MAX_TOPICS:
+            self._untold[endpoint.key] = _Untold(endpoint, why, kind or why, level)
+            self._tell_soon(self._now)
+
+    def _name_untold(self, key: str, named: Endpoint | None, now: float) -> None:
+        """Take the name of an endpoint's node; None if it is gone and will tell no name."""
+        untold = self._untold.get(key)
+        if untold is not None:
+            untold.endpoint = named or replace(untold.endpoint, is_named=True)
+            self._tell_soon(now)
+
+    def _tell_soon(self, now: float) -> None:
+        if self._tell_at is None:
+            self._tell_at = now + GATHERING
+            self.on_change()
+
+    def _tell_gathered(self, *, is_last: bool = False) -> None:
+        """Log a line for each program and reason, about the endpoints whose nodes have a name."""
+        self._tell_at = None
+        lines: dict[object, list[_Untold]] = {}
+        for key, one in list(self._untold.items()):
+            if one.endpoint.is_named or is_last:
+                lines.setdefault((one.endpoint.node, one.endpoint.program, one.kind, one.level), []).append(one)
+                del self._untold[key]
+        for same in lines.values():
+            first = same[0]
+            topics = name_some(list(dict.fromkeys(one.endpoint.topic for one in same)))
+            text = f"{node_text(first.endpoint.node, first.endpoint.program)} publishes {topics}, which does not pass"
+            advice = f": {ONE_TOO_MANY}" if first.kind is Reason.NAME_TAKEN else ""
+            self._tell(f"{text}: {first.why}{advice}", first.level)
 
     def _tell(self, text: str, level: int = logging.WARNING) -> None:
         """Log a line once."""

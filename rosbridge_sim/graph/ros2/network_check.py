@@ -1,6 +1,8 @@
 """Reasons why a node of ROS 2 sees nothing of a server, found from what a program in the domain sees, in a fixed order.
 
-The order is that in which the causes hide each other: domain, range, interface, quality of service, hash of a type.
+The order is that in which the causes hide each other: domain, range, interface, quality of service,
+hash of a type. The last step finds what is seen twice: a topic or a frame of the server that another program publishes,
+too.
 """
 
 from __future__ import annotations
@@ -9,9 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
 from rosbridge_sim.graph.ros2.quality import Quality, why_unheard
+from rosbridge_sim.graph.ros2.ros2_names import name_some, node_text
 from rosbridge_sim.records import Record
 
-__all__ = ["Discovery", "Finding", "SeenEndpoint", "SeenGraph", "check_graph", "domain_of"]
+__all__ = ["ONE_TOO_MANY", "Discovery", "Finding", "SeenEndpoint", "SeenGraph", "check_graph", "domain_of"]
 
 Discovery = Literal["localhost", "multicast"]
 """Where a program looks for others; see `--ros2-discovery`."""
@@ -19,6 +22,9 @@ Discovery = Literal["localhost", "multicast"]
 MAX_DOMAIN: Final = 232
 MAX_SHOWN: Final = 20
 """Most topics that are named for one step."""
+
+ONE_TOO_MANY: Final = "give a second simulator another --ros2-domain, or a --ros2-namespace; end or rename any other"
+"""What to do about two publishers of what only one may publish."""
 
 _OVERRIDES: Final = (
     "CYCLONEDDS_URI",
@@ -40,7 +46,9 @@ class SeenEndpoint(Record):
         is_writer: it publishes.
         quality: what it offers or asks for.
         hash: hash of the type; empty before Iron.
-        node: full name of its node.
+        node: full name of its node; empty if it has told none.
+        program: GUID of its program, see `guid_text`.
+        is_sole: it is a server's, and nobody else may publish there.
     """
 
     topic: str
@@ -49,6 +57,13 @@ class SeenEndpoint(Record):
     quality: Quality
     hash: str
     node: str
+    program: str = ""
+    is_sole: bool = False
+
+    @property
+    def shown(self) -> str:
+        """Its node, as a person is told of it."""
+        return node_text(self.node, self.program)
 
 
 class SeenGraph(Record):
@@ -61,6 +76,7 @@ class SeenGraph(Record):
         endpoints: of all nodes, the server's included.
         other_domains: other domains with programs on this machine.
         why_no_loopback: the reason why loopback cannot be used; empty if it can.
+        frames: names of the frames on `/tf` and `/tf_static` of the server, each with its publisher.
     """
 
     domain: int
@@ -69,6 +85,7 @@ class SeenGraph(Record):
     endpoints: Sequence[SeenEndpoint]
     other_domains: Sequence[int]
     why_no_loopback: str
+    frames: Sequence[tuple[str, SeenEndpoint]] = ()
 
 
 class Finding(NamedTuple):
@@ -101,7 +118,7 @@ def check_graph(seen: SeenGraph, environment: Mapping[str, str]) -> Sequence[Fin
     """
     findings = [_check_domain(seen, environment), _check_range(seen, environment), _check_interface(seen)]
     if seen.server:
-        findings += [_check_quality(seen), _check_types(seen)]
+        findings += [_check_quality(seen), _check_types(seen), _check_publishers(seen)]
     return findings
 
 
@@ -184,7 +201,7 @@ def _check_interface(seen: SeenGraph) -> Finding:
 
 def _check_quality(seen: SeenGraph) -> Finding:
     misfits = [
-        f"{writer.topic} from {writer.node} to {reader.node}: {'; '.join(why)}"
+        f"{writer.topic} from {writer.shown} to {reader.shown}: {'; '.join(why)}"
         for writer, reader in _pairs(seen)
         if writer.type == reader.type and (why := why_unheard(writer.quality, reader.quality))
     ]
@@ -202,15 +219,45 @@ def _check_types(seen: SeenGraph) -> Finding:
     misfits = []
     for writer, reader in _pairs(seen):
         if writer.type != reader.type:
-            misfits.append(f"{writer.topic}: {writer.node} has {writer.type}, {reader.node} has {reader.type}")
+            misfits.append(f"{writer.topic}: {writer.shown} has {writer.type}, {reader.shown} has {reader.type}")
         elif writer.hash and reader.hash and writer.hash != reader.hash:
             misfits.append(
-                f"{writer.topic}: the definitions of {writer.type} differ in {writer.node} and {reader.node}"
+                f"{writer.topic}: the definitions of {writer.type} differ in {writer.shown} and {reader.shown}"
             )
     if misfits:
         advice = "build the package of the server's --release (rosbridge-sim schema show TYPE), or use --schema-path"
         return Finding("type hash", is_good=False, text=_list(misfits), advice=advice)
     return Finding("type hash", is_good=True, text="types and their hashes agree")
+
+
+def _check_publishers(seen: SeenGraph) -> Finding:
+    sole = {one.topic for one in seen.endpoints if one.is_writer and one.is_sole}
+    topics = [(one.topic, one.shown) for one in seen.endpoints if one.is_writer and one.topic in sole]
+    served = {name for name, writer in seen.frames if writer.node == seen.server}
+    frames = [(name, writer.shown) for name, writer in seen.frames if name in served]
+    lines = [*_clashes("", topics), *_clashes("frame ", frames)]
+    if lines:
+        return Finding("publishers", is_good=False, text=_list(lines), advice=ONE_TOO_MANY)
+    return Finding("publishers", is_good=True, text="nobody else publishes a topic or a frame of the server")
+
+
+def _clashes(what: str, published: Sequence[tuple[str, str]]) -> Iterator[str]:
+    """Yield a line for each set of programs that publish the same things, of which each may have one publisher.
+
+    Args:
+        what: stands before the names.
+        published: name of a thing, and the program that publishes it.
+    """
+    programs_of: dict[str, list[str]] = {}
+    for name, program in sorted(set(published), key=lambda one: (not one[0].endswith("/clock"), one)):
+        programs_of.setdefault(name, []).append(program)
+    same: dict[tuple[str, ...], list[str]] = {}
+    for name, programs in programs_of.items():
+        same.setdefault(tuple(programs), []).append(name)
+    for together, names in same.items():
+        if len(together) > 1:
+            number = "two" if len(together) == 2 else str(len(together))  # noqa: PLR2004 - a word
+            yield f"{number} publish {what}{name_some(names)}: {' and '.join(together)}"
 
 
 def _pairs(seen: SeenGraph) -> Iterator[tuple[SeenEndpoint, SeenEndpoint]]:

@@ -7,9 +7,10 @@ ROS 2 puts `rt` before the name of a topic: `/imu` is `rt/imu` for DDS. The type
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["dds_topic", "dds_type", "is_name", "topic_of", "type_of"]
+__all__ = ["dds_topic", "dds_type", "guid_text", "is_name", "name_some", "node_text", "topic_of", "type_of"]
 
 _NAME: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
 _DDS_TYPE: Final = re.compile(r"([a-z]\w*)::msg::dds_::([A-Za-z]\w*)_", re.ASCII)
@@ -62,3 +63,24 @@ def type_of(dds_name: str) -> str | None:
     """Return `pkg/Type` for a type of DDS; None if it is no message of ROS 2."""
     match = _DDS_TYPE.fullmatch(dds_name)
     return None if match is None else f"{match[1]}/{match[2]}"
+
+
+def guid_text(participant: bytes) -> str:
+    """Return the GUID of a program, as the first half of a GID in `ros2 topic info -v`: `01.10.51.c6...`.
+
+    Args:
+        participant: identity of its participant, 16 bytes, of which the first 12 are the same in all its endpoints.
+    """
+    return participant[:12].hex(".")
+
+
+def node_text(node: str, program: str) -> str:
+    """Return how a person is told of a node, also of one without a name: its name, and the GUID of its program."""
+    known = f"GUID {program}" if program else ""
+    return f"{node} ({known})" if node and known else node or (f"a program ({known})" if known else "a program there")
+
+
+def name_some(names: Sequence[str], most: int = 3) -> str:
+    """Return the first names of a list, and how many more there are."""
+    shown, more = ", ".join(names[:most]), len(names) - most
+    return f"{shown} and {more} more" if more > 0 else shown

@@ -348,11 +348,23 @@ class DdsReader(_Entity):
 
     def take(self) -> bytes | None:
         """Return the next message as CDR; empty bytes for the news that a publisher left; None if nothing waits."""
+        taken = self._take_one()
+        return None if taken is None else taken[0]
+
+    def take_from(self) -> tuple[bytes, bytes] | None:
+        """Return what `take` does, with the identity of the publisher: 16 bytes, or none if it has left."""
+        taken = self._take_one()
+        if taken is None:
+            return None
+        publisher = self._entity.get_matched_publication_data(taken[1])
+        return taken[0], publisher.key.bytes if publisher else b""
+
+    def _take_one(self) -> tuple[bytes, int] | None:
         found = self._take(self._ref, self._any, 1)  # one, because it may be as long as a frame
         if isinstance(found, int) or not found:  # a number is an error: the entity has ended
             return None
         raw, info = found[0]
-        return bytes(raw) if info.valid_data else b""
+        return bytes(raw) if info.valid_data else b"", info.publication_handle
 
 
 _PRECONDITION: Final = -4

@@ -24,14 +24,18 @@ from rosbridge_sim.graph.ros2.far_graph import Endpoint
 from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
 from rosbridge_sim.graph.ros2.network_check import Discovery
 from rosbridge_sim.graph.ros2.quality import Quality
-from rosbridge_sim.graph.ros2.ros2_names import dds_topic, topic_of
+from rosbridge_sim.graph.ros2.ros2_names import dds_topic, guid_text, topic_of
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
 
-__all__ = ["NAMES", "NAME_PATIENCE", "NODE_NAME", "Ros2Choices", "Ros2Node", "config_of"]
+__all__ = ["NAMES", "NAME_PATIENCE", "NODE_NAME", "SOLE", "Ros2Choices", "Ros2Node", "config_of"]
 
 NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
+
+SOLE: Final = b"sole=1;"
+"""User data of a publisher that shall be the only one of its topic, for `ros2 check`. ROS 2 skips keys that it does not
+know. Source: rmw/impl/cpp/key_value.hpp."""
 
 BYTES_PER_TURN: Final = 32 * 1024
 """Messages that one turn of the loop takes from the graph [bytes]; the rest waits for the next one."""
@@ -158,10 +162,11 @@ class Ros2Node:
 
     # As a `FarNode`
 
-    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         """See `FarNode`."""
+        user_data = _user_data(cdr_type) + (SOLE if is_sole else b"")
         self._writers[topic] = self._domain.open_writer(
-            dds_topic(topic, self._choices.namespace), self._data_type(cdr_type), quality, _user_data(cdr_type)
+            dds_topic(topic, self._choices.namespace), self._data_type(cdr_type), quality, user_data
         )
         self._change()
 
@@ -318,8 +323,10 @@ class Ros2Node:
         if topic is None:
             return None
         node = self._nodes.get(one.key)
-        name = node or f"program {one.participant.hex()[:12]}"
-        return Endpoint(one.key.hex(), topic, one.type[:300], is_writer, one.quality, name, node is not None)
+        program = guid_text(one.participant)
+        return Endpoint(
+            one.key.hex(), topic, one.type[:300], is_writer, one.quality, node or "", node is not None, program
+        )
 
 
 def _user_data(cdr_type: CdrType) -> bytes:

@@ -39,6 +39,7 @@ class GraphInMemory:
         self.bus.on_refusal = self.refusals.append
         self.types = CdrTypes(self.bus.store, make_store(2))
         self.writers: dict[str, Quality] = {}
+        self.sole: set[str] = set()
         self.readers: dict[str, Quality] = {}
         self.sent: list[tuple[str, bytes]] = []
         self.has_room = True
@@ -77,9 +78,10 @@ class GraphInMemory:
 
     # As a `FarNode`
 
-    def open_writer(self, topic: str, _cdr_type: CdrType, quality: Quality) -> None:
+    def open_writer(self, topic: str, _cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         self._refuse()
         self.writers[topic] = quality
+        self.sole |= {topic} if is_sole else set()
 
     def open_reader(self, topic: str, _cdr_type: CdrType, quality: Quality) -> None:
         self._refuse()
@@ -260,7 +262,8 @@ def test_another_type_under_one_name_is_told_with_the_node(
     graph.bus.advertise(Somebody("/car"), "/plan", STRING)
     for _ in range(3):
         graph.part(graph.meet("/plan", is_writer=True, dds_type="std_msgs::msg::dds_::Int32_"))
-    lines = [line for line in warned() if "/planner publishes /plan as std_msgs::msg::dds_::Int32_" in line]
+    start = "/planner publishes /plan, which does not pass: the type is std_msgs::msg::dds_::Int32_"
+    lines = [line for line in warned() if line.startswith(start)]
     assert len(lines) == 1
 
 
@@ -280,25 +283,46 @@ def test_a_line_about_an_endpoint_waits_for_the_name_of_its_node(
     graph: GraphInMemory, warned: Callable[[], list[str]]
 ) -> None:
     graph.bus.advertise(Somebody("/sim"), "/clock", STRING, is_exclusive=True)
-    endpoint = Endpoint("1", "/clock", DDS_STRING, True, Quality(), "program 17", is_named=False)  # noqa: FBT003 - a field
+    endpoint = Endpoint("1", "/clock", DDS_STRING, True, Quality(), "", is_named=False, program="17")  # noqa: FBT003 - a field
     graph.gateway.note_endpoints([endpoint], [], graph.now)
     graph.settle()
     assert not warned()
     graph.gateway.note_endpoints([replace(endpoint, node="/gazebo", is_named=True)], [], graph.now)
     graph.settle()
     (line,) = warned()
-    assert line.startswith("/gazebo publishes /clock, and its messages do not pass")
+    assert line.startswith("/gazebo (GUID 17) publishes /clock, which does not pass")
 
 
 def test_a_line_about_an_endpoint_that_goes_before_its_node_has_a_name_is_told(
     graph: GraphInMemory, warned: Callable[[], list[str]]
 ) -> None:
     graph.bus.advertise(Somebody("/sim"), "/clock", STRING, is_exclusive=True)
-    endpoint = Endpoint("1", "/clock", DDS_STRING, True, Quality(), "program 17", is_named=False)  # noqa: FBT003 - a field
+    endpoint = Endpoint("1", "/clock", DDS_STRING, True, Quality(), "", is_named=False, program="17")  # noqa: FBT003 - a field
     graph.gateway.note_endpoints([endpoint], [], graph.now)
     graph.settle()
     graph.gateway.note_endpoints([], ["1"], graph.now)
-    assert [line.partition(" publishes")[0] for line in warned()] == ["program 17"]
+    graph.settle()
+    assert [line.partition(" publishes")[0] for line in warned()] == ["a program (GUID 17)"]
+
+
+def test_topics_of_a_second_simulator_are_one_line_with_its_guid(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    topics = [f"/t{i}" for i in range(28)]
+    for topic in topics:
+        graph.bus.advertise(Somebody("/sim"), topic, STRING, is_exclusive=True)
+    graph.settle()
+    assert graph.sole == set(topics)
+    for topic in topics:  # one after the other, as a program on the network tells them
+        endpoint = Endpoint(topic, topic, DDS_STRING, True, Quality(), "/sim2", program="01.bb")  # noqa: FBT003 - a field
+        graph.gateway.note_endpoints([endpoint], [], graph.now)
+        graph.now += PERIOD / 4
+        graph.gateway.advance(graph.now)
+    graph.settle()
+    (line,) = warned()
+    start = "/sim2 (GUID 01.bb) publishes /t0, /t1, /t2 and 25 more, which does not pass: Topic /t0 is published by"
+    assert line.startswith(start)
+    assert line.endswith("end or rename any other")
 
 
 def test_a_topic_that_the_simulator_publishes_alone_is_not_taken_from_nodes(

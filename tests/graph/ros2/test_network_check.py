@@ -21,9 +21,10 @@ def bad(seen: SeenGraph, environment: dict[str, str]) -> list[Finding]:
     return [one for one in check_graph(seen, environment) if not one.is_good]
 
 
-def test_a_node_that_sees_all_has_five_good_steps() -> None:
+def test_a_node_that_sees_all_has_six_good_steps() -> None:
     findings = check_graph(FOUND, LOCAL)
-    assert [one.step for one in findings] == ["domain", "range", "interface", "quality of service", "type hash"]
+    steps = ["domain", "range", "interface", "quality of service", "type hash", "publishers"]
+    assert [one.step for one in findings] == steps
     assert all(one.is_good and not one.advice for one in findings)
 
 
@@ -121,7 +122,26 @@ def test_other_types_and_other_definitions_are_told() -> None:
 
 def test_what_other_nodes_have_among_themselves_does_not_matter() -> None:
     others = (replace(OUR_IMU, node="/a", hash="RIHS01_x"), replace(THEIRS, quality=PROFILES["latched"]))
-    assert not bad(replace(FOUND, endpoints=others), LOCAL)
+    frames = [("tool", others[0]), ("tool", others[1])]
+    assert not bad(replace(FOUND, endpoints=others, frames=frames), LOCAL)
+
+
+def test_a_second_publisher_of_what_one_may_publish_is_wrong() -> None:
+    ours = [replace(OUR_IMU, topic=f"/{name}", program="01.aa", is_sole=True) for name in ("a", "b", "c", "clock")]
+    theirs = [replace(one, program="01.bb") for one in ours]
+    seen = replace(FOUND, endpoints=(*ours, *theirs))
+    (finding,) = bad(seen, LOCAL)
+    both = "/rosbridge_sim (GUID 01.aa) and /rosbridge_sim (GUID 01.bb)"
+    assert finding.text == f"two publish /clock, /a, /b and 1 more: {both}"
+    assert "--ros2-domain" in finding.advice
+    bag = replace(theirs[3], node="/rosbag2_player", is_sole=False)
+    (finding,) = bad(replace(seen, endpoints=(*ours, bag)), LOCAL)
+    assert finding.text == "two publish /clock: /rosbag2_player (GUID 01.bb) and /rosbridge_sim (GUID 01.aa)"
+    shared = [replace(one, is_sole=False) for one in (ours[0], bag)]
+    assert not bad(replace(seen, endpoints=shared), LOCAL), "a topic of clients may have many publishers"
+    frames = [("base_link", ours[0]), ("odom", bag), ("base_link", bag), ("gps_link", ours[0])]
+    (finding,) = bad(replace(seen, endpoints=ours, frames=frames), LOCAL)
+    assert finding.text.startswith("two publish frame base_link: /rosbag2_player ")
 
 
 def test_many_mistakes_are_a_few_lines() -> None:

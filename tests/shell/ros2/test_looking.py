@@ -19,9 +19,14 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture
 def server(tmp_path: Path) -> Iterator[ServerProcess]:
-    program = ServerProcess(tmp_path / "log", ["--ros2-domain", str(DOMAIN), "--ros2-topics", "/clock"])
+    program = serve(tmp_path / "log")
     yield program
     program.stop_cleanly()
+
+
+def serve(log: Path) -> ServerProcess:
+    topics = [part for topic in ("/clock", "/tf", "/tf_static") for part in ("--ros2-topics", topic)]
+    return ServerProcess(log, ["--ros2-domain", str(DOMAIN), *topics])
 
 
 def test_the_check_finds_the_server_and_names_what_the_variables_lack(
@@ -43,3 +48,17 @@ def test_the_check_finds_the_server_and_names_what_the_variables_lack(
     assert done.code == 1
     assert f"1. domain: WRONG: no server is in domain {domain_of(6)}" in done.lines
     assert any(str(DOMAIN) in line for line in done.lines if "->" in line)
+
+
+@pytest.mark.usefixtures("server")
+def test_a_second_server_in_the_domain_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    second = serve(tmp_path / "second")
+    done = run("ros2", "check", "--wait", "20", "--json")
+    second.stop_cleanly()
+    assert done.code == 1
+    (finding,) = [one for one in json.loads(done.out) if not one["is_good"]]
+    clock, frames = finding["text"].splitlines()
+    assert clock.startswith("two publish /clock: /rosbridge_sim (GUID 01.10.")
+    assert frames.startswith("two publish frame base_link, gps_link, imu_link and 1 more: /rosbridge_sim (GUID 01.10.")
