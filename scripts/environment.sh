@@ -126,3 +126,20 @@ ensure_rclpy() {
         say "pip could not install it; see its output above"
     fi
 }
+
+# ensure_torch: stable-baselines3 on Debian's torch for the long tests, in an environment of their own: .venv/torch, 220 MB.
+# A torch from PyPI takes 4.6 GB. stable-baselines3 asks for a newer one, and runs on this one.
+ensure_torch() {
+    local at=$root/.venv/torch
+    if is_current "$at/installed"; then return; fi
+    ensure_debian python3-torch 'the tests that train with torch' /usr/bin/python3 -c 'import torch'
+    if ! /usr/bin/python3 -c 'import ensurepip, torch' 2>/dev/null; then return; fi
+    say "installing stable-baselines3 into .venv/torch (once)"
+    if /usr/bin/python3 -m venv --system-site-packages "$at" &&
+        "$at/bin/python" -m pip install --quiet --disable-pip-version-check cloudpickle --editable "$root[gym]" >&2 &&
+        "$at/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps 'stable-baselines3==2.9.*' >&2; then
+        printf '%s\n%s' "$root" "$(<"$root/pyproject.toml")" >"$at/installed"
+    else
+        say "pip could not install it; see its output above"
+    fi
+}

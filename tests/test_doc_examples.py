@@ -293,48 +293,6 @@ def test_simulator_without_pytest_runs(tmp_path: Path) -> None:
     assert re.fullmatch(r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", printed)
 
 
-STABLE_BASELINES = """
-class VecEnv:
-    def __init__(self, num_envs, observation_space, action_space):
-        self.num_envs, self.observation_space, self.action_space = num_envs, observation_space, action_space
-        self._seeds = [None] * num_envs
-
-    def _reset_seeds(self): pass
-
-    def _reset_options(self): pass
-
-
-class PPO:
-    def __init__(self, policy, env, n_steps, batch_size):
-        self.env, self.num = env, n_steps * env.num_envs
-
-    def learn(self, total_timesteps):
-        self.env.reset()
-        for _ in range(total_timesteps // self.env.num_envs):
-            self.env.step_async(self._sample())
-            seen, rewards, done, infos = self.env.step_wait()
-            assert len(infos) == len(done) == self.env.num_envs
-            assert all(("terminal_observation" in info) == end for info, end in zip(infos, done))
-
-    def predict(self, seen):
-        return self._sample(), None
-
-    def _sample(self):
-        import numpy
-
-        return numpy.stack([self.env.action_space.sample() for _ in range(self.env.num_envs)])
-"""
-"""Stands for stable-baselines3, which needs torch: what its algorithms call, by their documentation."""
-
-
-def write_stable_baselines(folder: Path) -> None:
-    package = folder / "stable_baselines3"
-    (package / "common" / "vec_env").mkdir(parents=True)
-    (package / "__init__.py").write_text(STABLE_BASELINES)
-    (package / "common" / "__init__.py").write_text("")
-    (package / "common" / "vec_env" / "__init__.py").write_text("from stable_baselines3 import VecEnv\n")
-
-
 WITHOUT_SERVER = (
     "worlds",
     "gymnasium",
@@ -342,9 +300,11 @@ WITHOUT_SERVER = (
     "own-observation",
     "several-egos",
     "cleanrl",
-    "stable-baselines3",
 )
 """Programs in Python that need no server."""
+
+WITH_TORCH = ("stable-baselines3",)
+"""Programs that need torch; see `environments/test_training_with_torch.py`."""
 
 
 @pytest.mark.slow
@@ -352,8 +312,6 @@ WITHOUT_SERVER = (
 def test_program_without_a_server_prints_what_the_page_says(tmp_path: Path, mark: str) -> None:
     if mark != "worlds":
         pytest.importorskip("pettingzoo", reason="the extra rosbridge-sim[gym]")
-    if mark == "stable-baselines3":
-        write_stable_baselines(tmp_path)
     assert run_strictly(example(mark), tmp_path) == shown(mark)
 
 
@@ -457,7 +415,7 @@ def test_drivers_limits_and_search_of_a_campaign_are_read() -> None:
 
 def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
     examples = read_examples()
-    assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS, *WITHOUT_SERVER])
+    assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS, *WITHOUT_SERVER, *WITH_TORCH])
     assert [mark for mark, found in examples.items() if len(found) > 1] == []
     programs = sum(len(PROGRAM.findall(path.read_text("utf-8"))) for path in PAGES)
     assert programs == len(examples) - 1, "all but the commands of `tools`, which are sh"
