@@ -14,8 +14,6 @@ client".)
 
 from __future__ import annotations
 
-import math
-from collections import deque
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -23,7 +21,7 @@ from typing import Any
 import msgspec
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.actions import Action, Goal, GoalOutcome, GoalStatus
+from rosbridge_sim.graph.actions import Action, EndedGoals, Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
@@ -39,9 +37,6 @@ STATUS_PERIOD = 0.2
 
 ENDED_GOAL_MEMORY = 5.0
 """Time for which an ended goal stays in the status [s], as in actionlib."""
-
-MAX_ENDED = 100
-"""Largest number of ended goals in the status."""
 
 MAX_GOAL_ID = 1_024
 """Longest id of a goal [characters]."""
@@ -72,7 +67,6 @@ class _Tracked:
         goal_id: a struct of actionlib_msgs/GoalID.
         goal: the goal on the bus; None until it exists.
         text: reason of its end.
-        ended_at: monotonic time of its end [s]; infinite while it is active.
     """
 
     goal_id: Any
@@ -80,7 +74,6 @@ class _Tracked:
     goal: Goal | None = None
     status: ActionlibStatus = ActionlibStatus.ACTIVE
     text: str = ""
-    ended_at: float = math.inf
 
 
 class Actionlib:
@@ -101,7 +94,7 @@ class Actionlib:
         self._now = 0.0
         self._num_ids = 0
         self._tracked: dict[str, _Tracked] = {}
-        self._ended: deque[_Tracked] = deque(maxlen=MAX_ENDED)
+        self._ended = EndedGoals[_Tracked](ENDED_GOAL_MEMORY)
         self._status_due = 0.0
         store = bus.store
         self._header = store.message("std_msgs/Header")
@@ -143,8 +136,7 @@ class Actionlib:
         key = goal_id.id
         if len(key) > MAX_GOAL_ID:
             raise GraphError(f"The id of a goal has at most {MAX_GOAL_ID} characters")
-        self._forget_ended(now)
-        if key in self._tracked or any(tracked.goal_id.id == key for tracked in self._ended):
+        if key in self._tracked or any(tracked.goal_id.id == key for tracked in self._ended.recent(now)):
             sender.notify("warning", f"Goal {key} of {self._action.name} is known already")
             return
         tracked = self._tracked[key] = _Tracked(goal_id, sender)
@@ -201,8 +193,8 @@ class Actionlib:
         """Record and publish the end of a goal. Without `values` the result is empty."""
         if self._tracked.pop(tracked.goal_id.id, None) is None:
             return
-        tracked.status, tracked.text, tracked.ended_at = status, text, self._now
-        self._ended.append(tracked)
+        tracked.status, tracked.text = status, text
+        self._ended.add(tracked, self._now)
         result = self._action.type.result.default() if values is None else values
         self._publish(
             self._result,
@@ -212,15 +204,10 @@ class Actionlib:
 
     def _publish_status(self, now: float) -> None:
         self._status_due = now + STATUS_PERIOD
-        self._forget_ended(now)
         if not self._status.has_listener:
             return
-        known = [self._describe(tracked) for tracked in (*self._ended, *self._tracked.values())]
+        known = [self._describe(tracked) for tracked in (*self._ended.recent(now), *self._tracked.values())]
         self._publish(self._status, self._status_type.struct_type(header=self._stamped(), status_list=known))
-
-    def _forget_ended(self, now: float) -> None:
-        while self._ended and self._ended[0].ended_at + ENDED_GOAL_MEMORY <= now:
-            self._ended.popleft()
 
     def _publish(self, topic: Topic, value: msgspec.Struct) -> None:
         if topic.has_listener:

@@ -5,7 +5,8 @@ cancel goes to the provider at once and never waits behind the goal; it is only 
 the goal. If the *caller* leaves, its goals are cancelled, and their results are discarded. If the *provider* leaves,
 its goals fail at once.
 Each action also has the service `<action>/_action/cancel_goal`, by which ROS 2 cancels goals of all callers; roslib's
-`cancelAllGoals` calls it. A goal has the UUID that its caller chose, or else its number.
+`cancelAllGoals` calls it. A goal has the UUID that its caller chose, or else its number. `action_topics.py` adds the
+topics by which ROS 2 tells of goals.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import msgspec
 
@@ -31,16 +32,34 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import ActionType
 from rosbridge_sim.schema.opaque_types import OpaqueActionType
 
-__all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalOutcome", "GoalStatus"]
+__all__ = [
+    "CANCEL",
+    "HIDDEN",
+    "MAX_ENDED",
+    "Action",
+    "Actions",
+    "EndedGoal",
+    "EndedGoals",
+    "Goal",
+    "GoalOutcome",
+    "GoalStatus",
+    "GoalTopics",
+]
 
-CANCEL: Final = "/_action/cancel_goal"
+HIDDEN: Final = "/_action/"
+"""Text between the name of an action and the names of its topics and services in ROS 2."""
+
+CANCEL: Final = f"{HIDDEN}cancel_goal"
 """Suffix of the service that cancels goals of an action."""
 
 _NO_ERROR, _REJECTED, _UNKNOWN_GOAL, _TERMINATED = range(4)
 """`return_code` of action_msgs/CancelGoal."""
 
-MAX_ENDED = 100
-"""Ended goals of an action that a cancel tells from unknown ones, as many as in the status of actionlib."""
+MAX_ENDED: Final = 100
+"""Ended goals of an action that are remembered."""
+
+ENDED_GOAL_MEMORY_NS: Final = 10 * 10**9
+"""Time for which an ended goal is remembered [ns]: `result_timeout` of an action server of rcl, by default."""
 
 
 class GoalStatus(IntEnum):
@@ -53,6 +72,10 @@ class GoalStatus(IntEnum):
     SUCCEEDED = 4
     CANCELED = 5
     ABORTED = 6
+
+
+_ENDS: Final = frozenset({GoalStatus.SUCCEEDED, GoalStatus.CANCELED, GoalStatus.ABORTED})
+"""Status of a goal that has ended. rosbridge_suite aborts a goal for which its provider gives another one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +95,41 @@ class GoalOutcome:
     reason: Reason | None = field(default=None, compare=False)
 
 
+G = TypeVar("G")
+
+
+class EndedGoals(Generic[G]):
+    """The goals of one action that have ended a short time ago, oldest first; at most `MAX_ENDED`."""
+
+    def __init__(self, memory: float) -> None:
+        """Create an empty list.
+
+        Args:
+            memory: time for which a goal stays, in the unit of the times below.
+        """
+        self._memory = memory
+        self._ended: deque[tuple[float, G]] = deque(maxlen=MAX_ENDED)
+
+    def add(self, goal: G, now: float) -> None:
+        """Add a goal that ends now."""
+        self._ended.append((now, goal))
+
+    def recent(self, now: float) -> list[G]:
+        """Return the goals, and forget those before. A time that was set back, as by a reset, forgets those after."""
+        while self._ended and not 0 <= now - self._ended[0][0] < self._memory:
+            self._ended.popleft()
+        return [goal for _, goal in self._ended]
+
+
+@dataclass(frozen=True, slots=True)
+class EndedGoal:
+    """What is remembered of an ended goal; `uuid` and `stamp_ns` are those of the `Goal`."""
+
+    uuid: bytes
+    stamp_ns: int
+    status: GoalStatus
+
+
 OnFeedback = Callable[[Message], None]
 OnOutcome = Callable[[GoalOutcome], None]
 
@@ -85,7 +143,8 @@ class Action:
     """A named action and its provider. If it is exclusive, no client may take its name.
 
     Attributes:
-        ended: UUIDs of its last goals that have ended.
+        ended: its last goals; rejected ones are not among them.
+        has_had_goals: it has accepted one.
     """
 
     name: str
@@ -95,7 +154,8 @@ class Action:
     cancel: Callable[[Goal], None]
     is_exclusive: bool = False
     goals: dict[Goal, None] = field(default_factory=dict)
-    ended: deque[bytes] = field(default_factory=lambda: deque(maxlen=MAX_ENDED))
+    ended: EndedGoals[EndedGoal] = field(default_factory=lambda: EndedGoals(ENDED_GOAL_MEMORY_NS))
+    has_had_goals: bool = False
 
 
 @dataclass(eq=False, slots=True)
@@ -122,14 +182,19 @@ class Goal:
     is_canceling: bool = False
     num_bytes: int = 0
 
-    def report(self, values: object) -> None:
-        """Send feedback to the caller.
+    @property
+    def status(self) -> GoalStatus:
+        """Its status in progress; a goal is accepted and executed at once."""
+        return GoalStatus.CANCELING if self.is_canceling else GoalStatus.EXECUTING
+
+    def report(self, values: object, now: float) -> None:
+        """Send feedback to the caller, and to subscribers of the topic for it.
 
         Args:
             values: a struct of the action's feedback type.
         """
-        if not self.is_done and self.on_feedback is not None:
-            self.actions.hand_feedback(self, Message(self.action.type.feedback, values))
+        if not self.is_done:
+            self.actions.hand_feedback(self, Message(self.action.type.feedback, values), now)
 
     def end(self, status: int, values: object) -> None:
         """End the goal with a result.
@@ -138,15 +203,18 @@ class Goal:
             status: number of action_msgs/GoalStatus.
             values: a struct of the action's result type.
         """
-        self._end(GoalOutcome(is_ok=True, status=status, values=Message(self.action.type.result, values)))
+        outcome = GoalOutcome(is_ok=True, status=status, values=Message(self.action.type.result, values))
+        self._end(outcome, GoalStatus(status) if status in _ENDS else GoalStatus.ABORTED)
 
-    def fail(self, why: str) -> None:
+    def fail(self, why: str, *, is_rejected: bool = False) -> None:
         """End a goal for which the provider gives no result.
 
         Args:
             why: reason, for the caller.
+            is_rejected: the provider has not accepted it.
         """
-        self._end(GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=why))
+        outcome = GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=why)
+        self._end(outcome, None if is_rejected else GoalStatus.ABORTED)
 
     def cancel(self) -> None:
         """Ask the provider to end the goal soon."""
@@ -156,19 +224,41 @@ class Goal:
     def abandon(self) -> None:
         """Ask the provider to end a goal whose caller is gone. The result is discarded."""
         if not self.is_done:
-            self._end(None)
+            self._end(None, GoalStatus.CANCELED)
             self.actions.ask_to_cancel(self)
 
-    def _end(self, outcome: GoalOutcome | None) -> None:
+    def _end(self, outcome: GoalOutcome | None, status: GoalStatus | None) -> None:
         if self.is_done:
             return
         self.is_done = True
         self.request = None
         self.action.goals.pop(self, None)
-        self.action.ended.append(self.uuid)
-        self.actions.forget(self)
+        self.actions.forget(self, status)
         if outcome is not None:
             self.actions.hand_over(self, outcome)
+
+
+class GoalTopics(Protocol):
+    """The topics by which subscribers are told about the goals of all actions."""
+
+    @property
+    def is_due(self) -> bool:
+        """True if `advance` has something to publish."""
+
+    def advance(self, now: float) -> None:
+        """Publish the changes of goals."""
+
+    def begin(self, action: Action) -> None:
+        """Offer the topics of a new action."""
+
+    def end(self, action: Action) -> None:
+        """Withdraw them."""
+
+    def note_change(self, action: Action) -> None:
+        """Note that the status of a goal has changed."""
+
+    def report(self, goal: Goal, values: Message, now: float) -> None:
+        """Publish feedback for a goal."""
 
 
 class Actions:
@@ -177,6 +267,7 @@ class Actions:
     Attributes:
         by_name: all actions, by absolute name.
         max_goals: goals that one caller may have in progress.
+        topics: tells subscribers about goals; None under ROS 1.
     """
 
     def __init__(self, state: BusState, types: TypeResolver, services: ServiceTable, max_goals: int) -> None:
@@ -193,6 +284,7 @@ class Actions:
         self._services = services
         self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
+        self.topics: GoalTopics | None = None
         self._num_goals = 0
         self._goals: dict[Participant, dict[Goal, None]] = {}
         self._provided: dict[Participant, dict[Action, None]] = {}
@@ -238,6 +330,8 @@ class Actions:
         )
         self.by_name[name] = action
         self._provided.setdefault(owner, {})[action] = None
+        if self.topics is not None:
+            self.topics.begin(action)
         return action
 
     def withdraw(self, owner: Participant, name: str) -> None:
@@ -306,10 +400,11 @@ class Actions:
         held[goal] = None
         try:
             action.take(goal)
+            self._note_change(action)
         except PeerError as error:
             if isinstance(error, EncodingError):
                 self._state.guard.note_encoding(action.name, error)
-            goal.fail(str(error))
+            goal.fail(str(error), is_rejected=True)
         except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             goal.fail("The provider failed; the server's log says why")
             self._state.guard.blame(action.owner, error)
@@ -322,8 +417,15 @@ class Actions:
             uuid = self._num_goals.to_bytes(16, "big")
         return uuid
 
-    def forget(self, goal: Goal) -> None:
-        """Remove an ended goal from its caller's list (for `Goal` alone)."""
+    def forget(self, goal: Goal, status: GoalStatus | None) -> None:
+        """Remove an ended goal from its caller's list (for `Goal` alone).
+
+        Args:
+            status: its status at the end; None if it was rejected.
+        """
+        if status is not None:
+            goal.action.ended.add(EndedGoal(goal.uuid, goal.stamp_ns, status), self._state.stamp_ns)
+            self._note_change(goal.action)
         if goal.num_bytes:
             self._state.account_of(goal.caller).give(goal.num_bytes)
         held = self._goals.get(goal.caller)
@@ -332,11 +434,13 @@ class Actions:
             if not held:
                 del self._goals[goal.caller]
 
-    def hand_feedback(self, goal: Goal, values: Message) -> None:
-        """Give feedback to a goal's caller (for `Goal` alone)."""
-        assert goal.on_feedback is not None, "checked by the goal"
+    def hand_feedback(self, goal: Goal, values: Message, now: float) -> None:
+        """Give feedback to a goal's caller, if it wants any, and to all subscribers (for `Goal` alone)."""
+        if self.topics is not None:
+            self.topics.report(goal, values, now)
         try:
-            goal.on_feedback(values)
+            if goal.on_feedback is not None:
+                goal.on_feedback(values)
         except EncodingError as error:
             self._note_encoding(goal.action, error)
         except Exception as error:  # noqa: BLE001 - an internal error in the caller's own state
@@ -360,6 +464,7 @@ class Actions:
     def ask_to_cancel(self, goal: Goal) -> None:
         """Ask a goal's provider to cancel it (for `Goal` alone)."""
         goal.is_canceling = True
+        self._note_change(goal.action)
         try:
             goal.action.cancel(goal)
         except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
@@ -400,7 +505,8 @@ class Actions:
         goals = [goal for goal in meant if not goal.is_canceling]
         code = _NO_ERROR if goals else _REJECTED
         if has_id and not meant:
-            code = _TERMINATED if wanted in action.ended else _UNKNOWN_GOAL
+            is_ended = any(goal.uuid == wanted for goal in action.ended.recent(self._state.stamp_ns))
+            code = _TERMINATED if is_ended else _UNKNOWN_GOAL
         time_value = self._state.store.time_value
         infos = [type(info)(type(info.goal_id)(goal.uuid), time_value(goal.stamp_ns)) for goal in goals]
         call.answer(call.service.type.response.struct_type(code, infos))
@@ -417,6 +523,12 @@ class Actions:
                 f"Service {service.name} is provided by {service.owner.name} alone", reason=Reason.NAME_TAKEN
             )
 
+    def _note_change(self, action: Action) -> None:
+        """Have subscribers told that the status of a goal has changed."""
+        action.has_had_goals = True
+        if self.topics is not None:
+            self.topics.note_change(action)
+
     def _drop(self, action: Action, why: str) -> None:
         provided = self._provided.get(action.owner, {})
         provided.pop(action, None)
@@ -428,3 +540,5 @@ class Actions:
                 self._services.withdraw(action.owner, action.name + CANCEL)
         for goal in list(action.goals):
             goal.fail(why)
+        if self.topics is not None:
+            self.topics.end(action)

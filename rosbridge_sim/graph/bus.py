@@ -8,12 +8,13 @@ it as `Message` values of the store.
 once) and calls (their answers are discarded).
 Time is an argument: `now` is monotonic time in seconds. `time_ns` is simulation time. `stamp_ns` is the time for
 stamps: simulation time or the time of day. The node sets both at each frame.
-This file connects the parts: `topic_table.py`, `delivery.py`, `service_table.py`, `actions.py` and `parameters.py`,
-with the shared state of `bus_state.py`.
+This file connects the parts: `topic_table.py`, `delivery.py`, `service_table.py`, `actions.py` with `action_topics.py`,
+and `parameters.py`, with the shared state of `bus_state.py`.
 """
 
 from __future__ import annotations
 
+from rosbridge_sim.graph.action_topics import ActionTopics
 from rosbridge_sim.graph.actions import Actions
 from rosbridge_sim.graph.bus_state import BusState, earliest
 from rosbridge_sim.graph.delivery import Delivery
@@ -70,6 +71,8 @@ class Bus(BusState):
         delivery = self.delivery = Delivery(self)
         self.services = services.by_name
         self.actions = Actions(self, types, services, max_calls)
+        if store.ros != 1:
+            self.actions.topics = ActionTopics(self, topics, delivery)
         self.parameters = Parameters()
         self.unpublished = topics.unpublished
         self.unheard = topics.unheard
@@ -129,15 +132,19 @@ class Bus(BusState):
 
     def next_deadline(self) -> float | None:
         """Return when `expire` has something to do next [s]; None if never."""
+        if self.actions.topics is not None and self.actions.topics.is_due:
+            return 0.0
         return earliest(self._service_table.next_deadline(), self._topic_table.next_deadline())
 
     def expire(self, now: float) -> None:
-        """Give up calls after their time-out, and forget topics that are unused for a while.
+        """Give up calls after their time-out, forget topics that are unused for a while, publish changes of goals.
 
         Subscribers that have waited for some time for a publisher are told.
         """
         self._service_table.expire(now)
         self._topic_table.expire(now)
+        if self.actions.topics is not None:
+            self.actions.topics.advance(now)
 
     def leave(self, owner: Participant, now: float) -> None:
         """Remove everything of `owner`, answer its waiting callers, call `on_leave`. A second call does nothing."""

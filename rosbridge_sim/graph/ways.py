@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator
 from enum import Enum
 from typing import Final, NamedTuple, TypeAlias
 
-from rosbridge_sim.graph.actions import CANCEL
+from rosbridge_sim.graph.actions import CANCEL, HIDDEN
 from rosbridge_sim.records import Record
 
 __all__ = [
@@ -44,9 +44,6 @@ REPUBLISH_SERVICE: Final = "/republish_tfs"
 
 MAX_KNOWN_NAMES: Final = 20_000
 """Names whose other names are cached; a lookup costs about 10 us, and rosapi lists thousands."""
-
-_HIDDEN: Final = "/_action/"
-"""Text between the name of a ROS 2 action and the names of its topics and services."""
 
 ACTIONLIB_TOPICS: Final = {
     "goal": "ActionGoal",
@@ -164,7 +161,7 @@ def _look_up_topic(way: Way, type_name: str) -> Iterator[Way]:
 
 def _look_up(way: Way) -> Iterator[Way]:
     """Yield the other names that the graph itself gives."""
-    action, _, part = way.name.partition(_HIDDEN)
+    action, _, part = way.name.partition(HIDDEN)
     if part and action:
         yield Way(Use.ACTION, action)
         if way == (Use.SERVICE, action + CANCEL):

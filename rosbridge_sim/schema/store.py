@@ -18,6 +18,7 @@ from rosbridge_sim.schema.compile import compile_message
 from rosbridge_sim.schema.definitions.dialect import ROS1, ROS2, Leniency
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import (
+    FEEDBACK_MESSAGE,
     RENAMED_FIELDS,
     RENAMED_PACKAGES,
     DefinitionKind,
@@ -46,6 +47,9 @@ _ACTIONLIB_MESSAGES = {
     "Action": "{name}ActionGoal action_goal\n{name}ActionResult action_result\n{name}ActionFeedback action_feedback\n",
 }
 """Definitions that ROS 1 generates for an action: the messages of its topics, and one that holds them all."""
+
+_OF_ACTIONS = _ACTIONLIB_MESSAGES | {FEEDBACK_MESSAGE: "unique_identifier_msgs/UUID goal_id\n{name}Feedback feedback\n"}
+"""The same, and those of ROS 2 that have a topic here."""
 
 _PARTS = ("Goal", "Result", "Feedback")
 """The messages that the text of an action itself defines."""
@@ -397,8 +401,8 @@ class Store:
         return definition
 
     def _of_action(self, name: str) -> Definition | None:
-        """Return a message that ROS 1 generates from the text of an action; None if there is no such text."""
-        for suffix, text in _ACTIONLIB_MESSAGES.items():
+        """Return a message that ROS generates from the text of an action; None if there is no such text."""
+        for suffix, text in _OF_ACTIONS.items():
             action = name.removesuffix(suffix)
             if action != name and self._action_parts(action) is not None:
                 source = f"{action.replace('/', '/action/')}.action"

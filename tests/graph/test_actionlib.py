@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.actionlib import ENDED_GOAL_MEMORY, MAX_ENDED, STATUS_PERIOD, Actionlib, ActionlibStatus
-from rosbridge_sim.graph.actions import Goal, GoalStatus
+from rosbridge_sim.graph.actionlib import ENDED_GOAL_MEMORY, STATUS_PERIOD, Actionlib, ActionlibStatus
+from rosbridge_sim.graph.actions import MAX_ENDED, Goal, GoalStatus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
@@ -106,7 +106,7 @@ def test_goal_ends_after_its_feedback() -> None:
     (goal,) = scene.goals
     assert goal.caller is who
     assert goal.request.order == 2  # type: ignore[attr-defined] # a generated struct
-    goal.report(scene.bus.store.action(TYPE).feedback.struct_type(sequence=[0, 1]))
+    goal.report(scene.bus.store.action(TYPE).feedback.struct_type(sequence=[0, 1]), 0.0)
     (feedback,) = who.messages("feedback")
     assert feedback["feedback"] == {"sequence": [0, 1]}
     assert feedback["status"] == {

@@ -451,8 +451,8 @@ def test_unencodable_feedback_and_results_disconnect_no_client(caplog: pytest.Lo
     bus.actions.provide(provider, "/a", ACTION, goals.append, break_down)
     say(client, "send_action_goal", action="/a", action_type=ACTION, id="g", args={"order": 3}, feedback=True)
     kind = goals[0].action.type
-    goals[0].report(kind.feedback.struct_type(object()))
-    goals[0].report(kind.feedback.struct_type([1]))
+    goals[0].report(kind.feedback.struct_type(object()), 0.0)
+    goals[0].report(kind.feedback.struct_type([1]), 0.0)
     goals[0].end(GoalStatus.SUCCEEDED, kind.result.struct_type(object()))
     feedback, end = frames(box)
     assert feedback["values"] == {"sequence": [1]}
@@ -467,7 +467,7 @@ def test_caller_that_fails_on_feedback_is_disconnected_and_its_goal_cancelled() 
     provider, caller = FailingClient(bus), FailingClient(bus)
     bus.actions.provide(provider, "/a", ACTION, goals.append, cancelled.append)
     bus.actions.send(caller, "/a", {"order": 3}, caller.outcomes.append, break_down)
-    goals[0].report(goals[0].action.type.feedback.default())
+    goals[0].report(goals[0].action.type.feedback.default(), 0.0)
     assert (len(caller.failures), caller.outcomes, provider.failures) == (1, [], [])
     assert cancelled == goals
 

@@ -114,11 +114,11 @@ class PeerActions:
         if goal is not None:
             goal.cancel()
 
-    def report(self, op: ops.ActionFeedback, _now: float) -> None:
+    def report(self, op: ops.ActionFeedback, now: float) -> None:
         """Pass on feedback for a goal of which this client is the provider."""
         goal = self._find_goal(op)
         if goal is not None:
-            goal.report(decode_body(goal.action.type.feedback, op.values, self._peer.bus.stamp_ns))
+            goal.report(decode_body(goal.action.type.feedback, op.values, self._peer.bus.stamp_ns), now)
 
     def end_goal(self, op: ops.ActionResult, _now: float) -> None:
         """End a goal of which this client is the provider."""

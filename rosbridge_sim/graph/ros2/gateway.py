@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, Rule
@@ -466,8 +467,9 @@ class Ros2Gateway:
 
     def _may_leave(self, topic: Topic) -> bool:
         """Return True if programs on the graph may have a topic's messages."""
-        if not self._passes(topic.name):
-            return False
+        action, hidden, _ = topic.name.partition(HIDDEN)
+        if not self._passes(topic.name) or (hidden and action in self._bus.actions.by_name):
+            return False  # an action without its services would only be listed there
         try:
             self._policy.check_subscribe(topic.name, topic.type.name)
         except GraphError:

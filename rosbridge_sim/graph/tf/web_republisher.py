@@ -253,8 +253,8 @@ class WebRepublisher:
     def _take_goal(self, goal: Goal) -> None:
         """Start a goal, from the ROS 2 action or from the topics of ROS 1."""
 
-        def send(transforms: _Transforms, _now: float) -> None:
-            goal.report(self._feedback_struct(transforms=transforms))
+        def send(transforms: _Transforms, now: float) -> None:
+            goal.report(self._feedback_struct(transforms=transforms), now)
 
         self._start(goal, self._open(goal.caller, goal.request, send), 0.0)
 

@@ -15,6 +15,7 @@ from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.printable import MAX_QUOTED, printable
 
 __all__ = [
+    "FEEDBACK_MESSAGE",
     "RENAMED_FIELDS",
     "RENAMED_PACKAGES",
     "DefinitionKind",
@@ -40,6 +41,9 @@ RENAMED_PACKAGES: Final[Mapping[str, str]] = {
 
 _ROS2_PACKAGES: Final = {"rosapi": "rosapi_msgs", "tf2_web_republisher": "tf2_web_republisher_interfaces"}
 """Package name here -> name that is sent under ROS 2: of several, the one that roslib 2 uses."""
+
+FEEDBACK_MESSAGE: Final = "_FeedbackMessage"
+"""End of the name of the message by which ROS 2 sends the feedback of an action. No other message has a `_` there."""
 
 _CAMERA_INFO: Final = {"D": "d", "K": "k", "R": "r", "P": "p"}
 
@@ -78,6 +82,8 @@ def spelled(name: str, kind: DefinitionKind, ros: Generation) -> str:
     if ros == 1:
         return name
     package, _, short = name.partition("/")
+    if short.endswith(FEEDBACK_MESSAGE):
+        kind = "action"
     return f"{_ROS2_PACKAGES.get(package, package)}/{kind}/{short}"
 
 

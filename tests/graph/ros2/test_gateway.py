@@ -18,6 +18,7 @@ from rosbridge_sim.graph.ros2.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PE
 from rosbridge_sim.graph.ros2.quality import PROFILES, Quality
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.records import replace
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import Wire, make_store
 from tests.graph.participants import STRING, Somebody, text
@@ -33,8 +34,9 @@ class GraphInMemory:
         policy: Policy | None = None,
         topics: Rule | None = None,
         qualities: Sequence[tuple[str, Quality]] = (),
+        ros: Generation = 1,
     ) -> None:
-        self.bus = Bus(make_store())
+        self.bus = Bus(make_store(ros))
         self.refusals: list[RefusedRequest] = []
         self.bus.on_refusal = self.refusals.append
         self.types = CdrTypes(self.bus.store, make_store(2))
@@ -448,3 +450,13 @@ def test_messages_of_a_type_that_changed_do_not_go_to_the_old_writer(graph: Grap
     assert graph.sent == []
     graph.settle()
     assert set(graph.writers) == {"/state"}
+
+
+def test_topics_of_an_action_here_do_not_pass_because_its_services_are_not_there() -> None:
+    graph = GraphInMemory(ros=2)
+    Wire(graph.bus).says(op="advertise_action", action="/fib", type="example_interfaces/action/Fibonacci")
+    relay = Wire(graph.bus)
+    relay.says(op="advertise", topic="/far/_action/status", type="action_msgs/msg/GoalStatusArray")
+    graph.settle()
+    assert "/fib/_action/status" in graph.bus.topics
+    assert list(graph.writers) == ["/far/_action/status"]
