@@ -18,7 +18,7 @@ PAGES = {
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
     "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b1d7ecba501d"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),
-    "docs/ko/sensors.md": ("docs/reference/sensors.md", "0e992e85aa40"),
+    "docs/ko/sensors.md": ("docs/reference/sensors.md", "beb1c9102186"),
     "docs/ko/teaching.md": ("docs/guides/teaching.md", "428edd7fa52c"),
     "docs/ko/when_nothing_moves.md": ("docs/guides/when_nothing_moves.md", "ce1dd3a622b1"),
 }
