@@ -13,14 +13,14 @@ from tests.support import ROOT
 
 PAGES = {
     "README.ko.md": ("README.md", "1207d8136611"),
-    "docs/ko/tutorial.md": ("docs/tutorial.md", "e17e641dfc57"),
+    "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
     "docs/ko/page.md": ("docs/guides/page.md", "a08c77d5f960"),
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
-    "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b1d7ecba501d"),
+    "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b980737d1a0f"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),
     "docs/ko/sensors.md": ("docs/reference/sensors.md", "beb1c9102186"),
     "docs/ko/teaching.md": ("docs/guides/teaching.md", "428edd7fa52c"),
-    "docs/ko/when_nothing_moves.md": ("docs/guides/when_nothing_moves.md", "ce1dd3a622b1"),
+    "docs/ko/when_nothing_moves.md": ("docs/guides/when_nothing_moves.md", "8efa5cf6737d"),
 }
 """Korean page -> English page, and the digest of the English text that the Korean one was last compared with."""
 

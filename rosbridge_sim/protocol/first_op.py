@@ -13,6 +13,7 @@ import orjson
 from rosbridge_sim.protocol.json_decoding import end_of_value
 from rosbridge_sim.protocol.json_encoding import op_frame, response_frame, status_frame
 from rosbridge_sim.protocol.ops import Id
+from rosbridge_sim.protocol.roslibpy_status import is_id_of_roslibpy, roslibpy_status_frame
 
 __all__ = ["MAX_SMALL", "FirstOp", "read_first_op", "refusal_frame"]
 
@@ -67,12 +68,13 @@ def read_first_op(frame: bytes) -> tuple[FirstOp, bytes] | None:
         return None
 
 
-def refusal_frame(op: FirstOp | None, why: str) -> bytes:
+def refusal_frame(op: FirstOp | None, why: str, *, may_be_roslibpy: bool = False) -> bytes:
     """Return the answer to an op that is refused. A call and a goal get their own kind of answer, other ops a status.
 
     Args:
         op: the refused op; None if it could not be read.
         why: reason, for people.
+        may_be_roslibpy: the client gets `roslibpy_status_frame` if the op is one of roslibpy.
     """
     if op is None:
         return status_frame("error", why, None)
@@ -84,4 +86,5 @@ def refusal_frame(op: FirstOp | None, why: str) -> bytes:
     if op.op == "send_action_goal" and op.action is not None:
         fields = {"action": op.action, "id": op.id, "status": _ROS2_UNKNOWN, "result": False, "values": why}
         return op_frame("action_result", {}, **fields)
-    return status_frame("error", why, op.id)
+    is_roslibpy = may_be_roslibpy and is_id_of_roslibpy(op.op, op.id)
+    return (roslibpy_status_frame if is_roslibpy else status_frame)("error", why, op.id)

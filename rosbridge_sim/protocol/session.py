@@ -32,6 +32,7 @@ from rosbridge_sim.protocol.json_encoding import Encoded, op_frame, response_fra
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
 from rosbridge_sim.protocol.outbox import LateFrames, Outbox
 from rosbridge_sim.protocol.png import decode_png
+from rosbridge_sim.protocol.roslibpy_status import roslibpy_status_frame
 from rosbridge_sim.protocol.subscription import Feed
 
 __all__ = ["LEVELS", "Session"]
@@ -72,6 +73,7 @@ class Session:
         outbox: frames on their way to the peer.
         account: pays for the memory that the peer uses.
         level: status frames up to this level are sent; `error` until the peer sets another one.
+        is_roslibpy: the peer cannot read status frames, see `roslibpy_status.py`; None if that is not known yet.
         frame_length: length of the current frame if `receive` reads it, or of the frame inside it [bytes]; else 0.
         num_received, num_refused: number of incoming frames, and of those with an invalid part.
         num_sent: number of topic messages put into the outbox.
@@ -106,6 +108,7 @@ class Session:
         self.outbox = outbox
         outbox.on_unmade = self._lose_message
         self.level = LEVELS["error"]
+        self.is_roslibpy: bool | None = False
         self.frame_length = 0
         self.num_received = 0
         self.num_refused = 0
@@ -247,6 +250,7 @@ class Session:
             level: one of LEVELS.
         """
         self.level = LEVELS.get(level, self.level)
+        self.is_roslibpy = False
 
     def remark(self, level: str, text: str, op_id: object = None) -> None:
         """Send a status frame if the peer wants this level.
@@ -256,7 +260,10 @@ class Session:
             op_id: id of the op that the message is about.
         """
         if self._is_talkative and LEVELS[level] <= self.level:
-            self.outbox.send(status_frame(level, text, op_id))
+            if self.is_roslibpy is not False:
+                self.outbox.send(roslibpy_status_frame(level, text, op_id))
+            if not self.is_roslibpy:
+                self.outbox.send(status_frame(level, text, op_id))
 
     def answer(
         self, service: str, op_id: Id, values: Encoded | object, *, is_ok: bool, fragment_size: float | None = None

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.deployment import Place
-from tests.end_to_end.programs import LIBRARIES, finish, start
+from tests.end_to_end.programs import LIBRARIES, finish, is_python, start
 from tests.support import Frame, ServerProcess, read_line
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -57,6 +57,20 @@ def test_client_library_sets_and_reads_a_parameter(server: ServerProcess, librar
     gone = f"refused: Parameter {name} is not set" if library == "roslib2" else None  # the others know no failure here
     kept = {"text": "안녕", "list": [1, 2.5, None]}
     assert seen == {"kept": kept, "is_listed": True, "is_still_listed": False, "gone": gone}
+
+
+@pytest.mark.parametrize("library", [library for library in LIBRARIES if is_python(library)])
+def test_roslibpy_logs_the_reason_of_each_mistake_until_its_program_reads_status_frames(
+    server: ServerProcess, library: str
+) -> None:
+    seen = finish(start(library, "basics", server.port, "err"))
+    reasons = ("Tried to register topic /Ego_topic", "Unable to resolve type std_srvs/Triger", "Message type morai")
+    for line, reason in zip(seen["printed"], reasons, strict=True):
+        assert line.startswith(f"('No handler registered for operation \"status error: {reason}")
+    assert seen["printed_after"] == []
+    assert [text.partition(";")[0] for text in seen["shown"]] == [
+        "Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?)"
+    ]
 
 
 @pytest.mark.parametrize(("provider", "caller"), PAIRS)

@@ -22,6 +22,7 @@ from rosbridge_sim.graph.peers.peer_topics import PeerTopics
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.op_keys import describe_strange_keys
+from rosbridge_sim.protocol.roslibpy_status import OPS_WITH_ID, is_id_of_roslibpy
 from rosbridge_sim.protocol.session import LEVELS, Session
 from rosbridge_sim.suggestions import hint
 
@@ -123,6 +124,8 @@ class Peer(PeerBase):
     def _look(self, frame: bytes, op: ops.Op) -> _Act:
         """Tell a client that wants warnings about keys that nobody reads, and write each into the log once.
 
+        The first op with an id tells whether the client is roslibpy.
+
         Returns:
             Does the op. It is kept when enough frames of this kind were looked at; then this is not called for them.
         """
@@ -131,6 +134,8 @@ class Peer(PeerBase):
         act = _ACTS[kind](self)
         if num >= LOOKS:
             self._act[kind] = act
+        if self.session.is_roslibpy is None and (name := kind.__struct_config__.tag) in OPS_WITH_ID:
+            self.session.is_roslibpy = is_id_of_roslibpy(name, op.id)
         for text in describe_strange_keys(frame, op):
             self.session.remark("warning", text, op.id)
             if text not in self._strange and len(self._strange) < MAX_STRANGE:

@@ -10,6 +10,8 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
+import msgspec
+
 from rosbridge_sim.errors import EncodingError, GraphError, Reason
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type
@@ -196,8 +198,7 @@ class PeerTopics:
         elif type_name is not None:
             was_mute = bus.retype(held.subscription, type_name)
         feed = held.feed
-        feed.set_options(op.id, read_options(op))
-        self._check_compression(op)
+        feed.set_options(op.id, read_options(self._check_compression(op)))
         self.num_held += is_new
         if (is_new or was_mute) and qos.is_latching is not False:
             for message in held.subscription.topic.latched:
@@ -206,14 +207,20 @@ class PeerTopics:
                 except EncodingError as error:
                     bus.guard.note_encoding(op.topic, error)
 
-    def _check_compression(self, op: ops.Subscribe) -> None:
-        """Tell a client that its messages come as JSON, if the encoding that it names is not known."""
+    def _check_compression(self, op: ops.Subscribe) -> ops.Subscribe:
+        """Return the op with an encoding that the client can read: roslibpy asks for pictures, and cannot.
+
+        If the encoding that it names is not known, tell it that its messages come as JSON.
+        """
+        if op.compression == "png" and self._session.is_roslibpy:
+            return msgspec.structs.replace(op, compression=None)
         if op.compression is None or op.compression in COMPRESSIONS:
-            return
+            return op
         name = op.compression[:MAX_QUOTED]
         text = f"subscribe: expected compression {', '.join(COMPRESSIONS)}; got {name!r}{hint(name, COMPRESSIONS)}"
         self._session.remark("warning", f"{text}. Messages of {op.topic} come as JSON", op.id)
         self._peer.note(Reason.WRONG_VALUE, text, op)
+        return op
 
     def _note_unpublished(self, topic: Topic) -> None:
         """Tell the client that a topic has no publisher yet. This is not a mistake, but the name may be wrong."""

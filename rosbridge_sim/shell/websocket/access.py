@@ -25,7 +25,7 @@ from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.websocket.origins import OriginRules
 
-__all__ = ["Access", "HandshakeRefusal", "RateGate", "TokenBucket", "load_certificate"]
+__all__ = ["Access", "HandshakeRefusal", "RateGate", "TokenBucket", "is_from_autobahn", "load_certificate"]
 
 LEAST_BURST = 100
 """Frames that may always come at once: a program with many topics sends so many when it connects."""
@@ -151,6 +151,12 @@ class Access:
         """Return True if a text is the token. The time does not depend on the position of the first difference."""
         wanted = "" if self.token is None else self.token
         return hmac.compare_digest(text.encode("utf-8", "surrogatepass"), wanted.encode())
+
+
+def is_from_autobahn(request: Request | None) -> bool:
+    """Return True if a handshake may be one of roslibpy: both of its transports use Autobahn."""
+    agents = [] if request is None else request.headers.get_all("User-Agent")
+    return any(agent.startswith("AutobahnPython/") for agent in agents)
 
 
 def _shown_tokens(request: Request) -> Iterator[str]:

@@ -77,7 +77,14 @@ class Client:
     """
 
     def __init__(
-        self, socket: ServedConnection, bus: Bus, limits: ServerLimits, turns: Turns, watch: ClientWatch
+        self,
+        socket: ServedConnection,
+        bus: Bus,
+        limits: ServerLimits,
+        turns: Turns,
+        watch: ClientWatch,
+        *,
+        is_from_autobahn: bool = False,
     ) -> None:
         """Create a client that does not read yet.
 
@@ -85,6 +92,7 @@ class Client:
             socket: its open connection.
             turns: gives it its turns.
             watch: gets events that concern the whole server.
+            is_from_autobahn: it may be roslibpy.
         """
         self.socket = socket
         self.outbox = Outbox(limits.outbox, self._schedule_flush, self.flush)
@@ -96,6 +104,7 @@ class Client:
             account=Account(limits.client_memory, bus.total),
         )
         session.find_long_text = socket.find_long_text
+        session.is_roslibpy = None if is_from_autobahn else False
         self.host = str(socket.remote_address[0]) if socket.remote_address else ""
         self.connected_ns = time.time_ns()
         self.num_bytes_sent = 0

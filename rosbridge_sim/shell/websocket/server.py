@@ -42,7 +42,7 @@ from rosbridge_sim.shell.transport.inflate import (
     library_deflate,
 )
 from rosbridge_sim.shell.transport.upgrade_request import answer_to, read_upgrade
-from rosbridge_sim.shell.websocket.access import HandshakeRefusal
+from rosbridge_sim.shell.websocket.access import HandshakeRefusal, is_from_autobahn
 from rosbridge_sim.shell.websocket.byte_totals import ByteTotals
 from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.connections import (
@@ -306,7 +306,7 @@ class Server:
         socket.limit_message_size(self._limits.max_frame_size)
 
     async def _serve_client(self, socket: ServedConnection) -> None:
-        client = self._add_client(socket)
+        client = self._add_client(socket, socket.request)
         try:
             socket.listen(client)
             await socket.wait_closed()
@@ -326,7 +326,7 @@ class Server:
         self._trust(socket)
         socket.open(answer_to(request))
         try:
-            client = self._add_client(socket)
+            client = self._add_client(socket, request)
             socket.on_lost = partial(self._remove_client, client)
             socket.listen(client)
         except Exception:  # noqa: BLE001 - an internal error, which ends this connection alone
@@ -346,10 +346,10 @@ class Server:
             request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names
         )
 
-    def _add_client(self, socket: ServedConnection) -> Client:
+    def _add_client(self, socket: ServedConnection, request: Request | None) -> Client:
         """Make a connection a client; the caller lets it listen."""
         assert self._turns is not None, "it listens"
-        client = Client(socket, self._bus, self._limits, self._turns, self)
+        client = Client(socket, self._bus, self._limits, self._turns, self, is_from_autobahn=is_from_autobahn(request))
         self.clients[client] = None
         self._try(self.on_clients)
         _log.info("%s connected; %d connected now", client.peer.address, len(self.clients))

@@ -19,7 +19,7 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
 from rosbridge_sim.shell.transport.inflate import Deflated
 from rosbridge_sim.shell.transport.receiving_connection import ReceivingConnection
-from rosbridge_sim.shell.websocket.access import Access
+from rosbridge_sim.shell.websocket.access import Access, is_from_autobahn
 from rosbridge_sim.shell.websocket.turns import Turns
 
 __all__ = [
@@ -205,7 +205,7 @@ class UnauthenticatedConnection:
         if self._num_refused > MAX_REFUSED:
             self._end("too many messages without a token")
         else:
-            self._say(refusal_frame(op, NO_TOKEN))
+            self._say(refusal_frame(op, NO_TOKEN, may_be_roslibpy=is_from_autobahn(self._socket.request)))
             is_word = op is not None and len(op.op) <= MAX_OP and op.op.isascii() and op.op.isidentifier()
             self._on_refusal(Reason.NO_TOKEN, op.op if op is not None and is_word else "", NO_TOKEN)
 
@@ -252,7 +252,7 @@ class UnauthenticatedConnection:
             self.let_go()
 
 
-_STATUS = b'{"op":"status"'
+_STATUS = b'{"op":"status'
 
 
 def _ignore(_size: int) -> None:

@@ -1,10 +1,11 @@
-"""Roles: `drive`, `remember PARAMETER`, `serve SERVICE`, `call SERVICE`.
+"""Roles: `drive`, `remember PARAMETER`, `serve SERVICE`, `call SERVICE`, `err` (roslibpy alone).
 
 The programs in this folder do the same things, each with its own library, and say what they saw in lines of JSON.
 """
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 from typing import Any
@@ -89,4 +90,28 @@ def call(ros: roslibpy.Ros, name: str) -> None:
     say(sum=answer["sum"], is_refused=refusal is not None)
 
 
-run(drive=drive, remember=remember, serve=add, call=call)
+def err(ros: roslibpy.Ros) -> None:
+    """Make mistakes, and repeat the last line that roslibpy logs of each; then once more with a handler of its own."""
+    logged: list[str] = []
+
+    class Last(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            logged.append(str(record.exc_info[1]) if record.exc_info else record.getMessage())
+
+    logging.getLogger("roslibpy").addHandler(Last(logging.WARNING))
+    roslibpy.Topic(ros, "/Ego_topic", "std_msgs/String").subscribe(lambda _: None)
+    roslibpy.Service(ros, "/not_there", "std_srvs/Triger").advertise(lambda *_: True)
+    controls = roslibpy.Topic(ros, "/ctrl_cmd", "morai_msgs/CtrlCmd")
+    controls.publish({"acel": 0.5})
+    settle(ros)
+    printed = logged.copy()
+
+    shown: list[str] = []
+    ros.factory.on_ready(lambda protocol: protocol._message_handlers.update(status=lambda s: shown.append(s["msg"])))
+    ros.set_status_level("warning", "show")
+    controls.publish({"acel": 0.5})
+    settle(ros)
+    say(printed=printed, printed_after=logged[len(printed) :], shown=shown)
+
+
+run(drive=drive, remember=remember, serve=add, call=call, err=err)

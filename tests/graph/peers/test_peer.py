@@ -24,6 +24,45 @@ def got(outbox: Outbox) -> list[dict[str, Any]]:
     return [json.loads(frame) for frame in outbox.take(2**40)]
 
 
+WRONG = {"op": "publish", "topic": "/t", "type": "std_msgs/String", "msg": {"dat": 1}}
+NO_TYPE = {"op": "advertise_service", "service": "/s", "type": "std_srvs/Triger"}
+
+
+@pytest.mark.parametrize(
+    ("ops", "answers"),
+    [
+        ([{**WRONG, "id": "publish:/t:2"}], ["status error: Message type"]),
+        ([{**WRONG, "id": "publish:/t:2"}, NO_TYPE], ["status error: Message type", "status error: Unable to"]),
+        ([WRONG], ["status"]),  # Autobahn, and none of roslibpy's ids
+        ([{**WRONG, "id": "publish:/t:x"}], ["status"]),
+        ([{**WRONG, "id": 3}], ["status"]),
+        ([{**WRONG, "id": "mine"}, {**WRONG, "id": "publish:/t:2"}], ["status", "status"]),
+        ([NO_TYPE], ["status error: Unable to", "status"]),  # roslibpy gives it no id, so it may be either
+        ([NO_TYPE, WRONG], ["status error: Unable to", "status", "status"]),
+        ([{"op": "set_level", "level": "warning", "id": "l"}, {**WRONG, "id": "publish:/t:2"}], ["status"]),
+    ],
+)
+def test_roslibpy_gets_the_reason_in_the_op_and_other_clients_get_a_status(
+    ops: list[dict[str, Any]], answers: list[str]
+) -> None:
+    peer, outbox = make_peer(make_bus())
+    peer.session.is_roslibpy = None  # as a handshake of Autobahn
+    for op in ops:
+        do(peer, **op)
+    frames = got(outbox)
+    assert [frame["op"][: len(answer)] for frame, answer in zip(frames, answers, strict=True)] == answers
+    assert all(frame["level"] == "error" for frame in frames)
+
+
+def test_roslibpy_gets_json_where_it_asks_for_pictures_that_it_cannot_read() -> None:
+    peer, outbox = make_peer(make_bus())
+    peer.session.is_roslibpy = None
+    terms = {"topic": "/t", "type": "std_msgs/String", "compression": "png"}
+    do(peer, op="subscribe", id="subscribe:/t:1", **terms)
+    do(peer, op="publish", topic="/t", msg={"data": "hi"})
+    assert got(outbox) == [{"op": "publish", "topic": "/t", "msg": {"data": "hi"}}]
+
+
 def test_call_with_a_time_out_ends_and_its_late_answer_is_not_an_error() -> None:
     bus = make_bus()
     (provider, calls), (caller, answers) = make_peer(bus), make_peer(bus)

@@ -111,6 +111,20 @@ async def listen() -> AsyncIterator[Listen]:
 # What is said before the token
 
 
+async def test_roslibpy_gets_the_reason_in_the_op_without_the_token_and_with_it(listen: Listen) -> None:
+    port, agent = await listen(), {"User-Agent": "AutobahnPython/26.10.2"}
+    async with await enter(port.url, agent) as client:
+        await client.send("advertise", topic="/t", type="std_msgs/Int", id="advertise:/t:1")
+        await client.take(f"status error: {NO_TOKEN}", id="advertise:/t:1")
+        await client.send("advertise", topic="/t", type="std_msgs/Int", id="mine")
+        assert (await client.take("status", id="mine"))["msg"] == NO_TOKEN
+    for headers, ops in ((agent, ["status error: Unable"]), ({"User-Agent": "Mozilla/5.0"}, ["status"])):
+        async with await enter(port.url, headers | BEARER) as client:
+            await client.send("advertise", topic="/t", type="std_msgs/Int", id="advertise:/t:1")
+            await client.call("/rosapi/topics")
+            assert [frame["op"][:20] for frame in client.inbox] == ops
+
+
 async def test_each_op_before_the_token_is_refused_with_an_answer(listen: Listen) -> None:
     port = await listen()
     async with await enter(port.url, BEARER) as owner, await enter(port.url) as client:
