@@ -13,11 +13,11 @@ from rosbridge_sim.errors import DocumentError
 __all__ = ["merge_folders"]
 
 
-def merge_folders(paths: Sequence[Path], into: ResultsFolder) -> list[Result]:
+def merge_folders(folders: Sequence[ResultsFolder], into: ResultsFolder) -> list[Result]:
     """Write the results of some folders into a new one, with the files that are kept.
 
     Args:
-        paths: of the folders.
+        folders: at least one.
         into: a folder without results; the caller closes it.
 
     Returns:
@@ -26,15 +26,15 @@ def merge_folders(paths: Sequence[Path], into: ResultsFolder) -> list[Result]:
     Raises:
         DocumentError: they are not of one campaign, two differ about a run, or the disk takes no more.
     """
-    job, _ = read_text_of(paths[0])
+    job, _ = read_text_of(folders[0].path)
     found: dict[int, tuple[Result, Path]] = {}
-    for path in paths:
-        if read_text_of(path)[0].text != job.text:
-            raise DocumentError(f"{path}: expected results of the same campaign as {paths[0]}")
-        for result in ResultsFolder(path).results():
-            there = found.setdefault(result.run.number, (result, path))
+    for folder in folders:
+        if read_text_of(folder.path)[0].text != job.text:
+            raise DocumentError(f"{folder.title}: expected results of the same campaign as {folders[0].title}")
+        for result in folder.results():
+            there = found.setdefault(result.run.number, (result, folder.path))
             if _decided(there[0]) != _decided(result):
-                raise DocumentError(f"{path}: run {result.run.number} ended in another way than in {there[1]}")
+                raise DocumentError(f"{folder.title}: run {result.run.number} ended in another way than in {there[1]}")
     into.begin(job, is_resumed=False)
     results = [found[number] for number in sorted(found)]
     for result, path in results:

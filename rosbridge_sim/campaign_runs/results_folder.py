@@ -30,11 +30,14 @@ from rosbridge_sim.version import __version__
 if TYPE_CHECKING:  # to list results needs nothing that drives
     from rosbridge_sim.campaign_runs.job import Job
 
-__all__ = ["ResultsFolder", "check_folder", "read_text_of", "run_folder"]
+__all__ = ["SUMMARY_FILES", "ResultsFolder", "check_folder", "read_text_of", "run_folder"]
 
 CAMPAIGN: Final = "campaign.toml"
 ABOUT: Final = "campaign.json"
 RESULTS: Final = "results.jsonl"
+SUMMARY_FILES: Final = (CAMPAIGN, ABOUT, RESULTS)
+"""Files that say what was driven and how it ended."""
+
 LOCK: Final = ".lock"
 
 DIGITS: Final = 5
@@ -42,10 +45,18 @@ DIGITS: Final = 5
 
 
 class ResultsFolder:
-    """Results of a campaign on the disk."""
+    """Results of a campaign on the disk.
 
-    def __init__(self, path: Path) -> None:
+    Attributes:
+        title: what the user calls the folder.
+
+    Args:
+        title: None if that is the path.
+    """
+
+    def __init__(self, path: Path, title: str | None = None) -> None:
         self.path = path
+        self.title = str(path) if title is None else title
         self._lock: FolderLock | None = None
         self._file: FileIO | None = None
         self._size = 0

@@ -44,7 +44,7 @@ def _details(folder: ResultsFolder, result: Result) -> Details:
     number = result.run.number
     place = run_folder(folder.path, number)
     files = {name: f"runs/{place.name}/{name}" for name in result.files}
-    command = f"rosbridge-sim campaign repeat {folder.path} {number}"
+    command = f"rosbridge-sim campaign repeat {folder.title} {number}"
     return Details(
         result,
         _read_trace(place / "trace.csv"),

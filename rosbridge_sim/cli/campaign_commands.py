@@ -19,7 +19,12 @@ def run_campaign(argv: Sequence[str]) -> int:
 
     parser = add("run", _run, "drive all runs of a campaign, and write tables and a report")
     _add_file(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results [NAME_runs]")
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="folder of the results, or an address such as s3://bucket/night [NAME_runs]",
+    )
     num = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     parser.add_argument(
         "--jobs",

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
-from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, check_folder, read_text_of, run_folder
+from rosbridge_sim.campaign_runs.results_folder import check_folder, read_text_of, run_folder
+from rosbridge_sim.campaign_runs.stored_folder import open_results
 from rosbridge_sim.campaigns.comparison import compare_results
 from rosbridge_sim.campaigns.run_results import Result
-from rosbridge_sim.cli.tools.text import put_json, put_lines, put_table
+from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 
 __all__ = ["compare", "list_runs", "report", "show"]
@@ -28,7 +28,7 @@ def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> int:
     Raises:
         DocumentError: it is no such folder.
     """
-    results = [each for each in _results(Path(folder)) if verdict in {None, each.verdict}]
+    results = [each for each in _results(folder) if verdict in {None, each.verdict}]
     if is_json:
         for each in results:
             put_json(each.to_json())
@@ -48,10 +48,14 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     Raises:
         DocumentError: there is no such run.
     """
-    path = Path(folder)
-    result = next((each for each in _results(path) if each.run.number == number), None)
+    place = run_folder("", number)
+    with open_results(folder, fetch=(place.as_posix(),)) as opened:
+        check_folder(opened.path)
+        result = next((each for each in opened.results() if each.run.number == number), None)
+        log = opened.path / place / "log.txt"
+        text = log.read_text("utf-8", "replace") if log.is_file() else ""
     if result is None:
-        raise DocumentError(f"{path}: there is no result of a run {number}")
+        raise DocumentError(f"{folder}: there is no result of a run {number}")
     if is_json:
         put_json(result.to_json())
         return 0
@@ -62,17 +66,14 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
         put_lines(f"drives: {', '.join(result.verdicts)}")
     put_table(("score", "value"), [(name, _number(value)) for name, value in result.scores.items()])
     put_lines(f"frames: {result.frames}\nstate: {result.state_hash or '-'}")
-    place = run_folder(path, number)
     for name in result.files:
-        put_lines(f"file: {place / name}")
+        put_lines(f"file: {folder.rstrip('/')}/{place.as_posix()}/{name}")
     if result.retries:
         put_lines(f"driven again, because the worker was killed: {result.retries} times")
     if result.trouble:
         put_lines(result.trouble)
-    put_lines(f"repeat: rosbridge-sim campaign repeat {path} {number}")
-    log = place / "log.txt"
-    if log.is_file():
-        text = log.read_text("utf-8", "replace")
+    put_lines(f"repeat: rosbridge-sim campaign repeat {folder} {number}")
+    if text:
         put_lines(f"\nthe driver's output:\n{text[-MAX_LOG_SHOWN:].rstrip()}")
     return 0
 
@@ -89,10 +90,10 @@ def report(folder: str) -> int:
     from rosbridge_sim.campaign_runs.job import open_job  # noqa: PLC0415 - imports all that drives, and pictures
     from rosbridge_sim.campaign_runs.writing import write_all  # noqa: PLC0415 - as above
 
-    path = Path(folder)
-    job, name = read_text_of(path)
-    write_all(ResultsFolder(path), open_job(job).campaign, _results(path), name)
-    put_lines(str(path / "report.html"))
+    with open_results(folder, fetch=None, tell=note) as opened:
+        job, name = read_text_of(opened.path)
+        write_all(opened, open_job(job).campaign, opened.results(), name)
+    put_lines(f"{folder.rstrip('/')}/report.html")
     return 0
 
 
@@ -110,7 +111,7 @@ def compare(before: str, after: str, *, may_lack: bool, is_json: bool) -> int:
     Raises:
         DocumentError: one is no such folder.
     """
-    found = compare_results(_results(Path(before)), _results(Path(after)))
+    found = compare_results(_results(before), _results(after))
     if is_json:
         put_json(found.to_json())
     else:
@@ -119,9 +120,10 @@ def compare(before: str, after: str, *, may_lack: bool, is_json: bool) -> int:
     return int(bool(found.regressions) or (bool(found.missing) and not may_lack))
 
 
-def _results(path: Path) -> list[Result]:
-    check_folder(path)
-    return ResultsFolder(path).results()
+def _results(folder: str) -> list[Result]:
+    with open_results(folder) as opened:
+        check_folder(opened.path)
+        return opened.results()
 
 
 def _number(value: float) -> str:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import signal
 import sys
-import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NoReturn
 
@@ -19,6 +18,7 @@ from rosbridge_sim.campaign_runs.pools import Pool, open_pool
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of
 from rosbridge_sim.campaign_runs.running import CampaignRunner, Progress
 from rosbridge_sim.campaign_runs.searching import drive_search
+from rosbridge_sim.campaign_runs.stored_folder import open_results, temporary_folder
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.campaign import Campaign, plan_runs
 from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result, Run
@@ -53,7 +53,7 @@ def run(
 
     Args:
         file: of the campaign.
-        output: folder of the results; None for one named after the file, here.
+        output: folder of the results, or an address; None for one named after the file, here.
         num_jobs: processes.
         num_retries: so often a run is driven again whose worker was killed.
         shard: number from 1 on, and their number, if only that part of the runs is driven here.
@@ -69,26 +69,26 @@ def run(
         DocumentError: the campaign cannot be driven.
     """
     path = Path(file)
-    folder = ResultsFolder(Path(output) if output is not None else Path(f"{path.stem}_runs"))
-    job = read_job(path, folder.path)
-    campaign = check_job(job)
+    campaign = check_job(read_job(path, Path()))
     if shard is not None and campaign.document.search is not None:
         raise DocumentError(f"{campaign.source}: search: --shard has no part of it: each run depends on the others")
     runs = _planned(campaign, shard)
     if is_dry:
         _put_plan(campaign, runs, is_json=is_json)
         return 0
-    folder.hold()  # before the pool: its end kills what the folder's drives have left behind
-    try:
-        pool = open_pool(job, num_jobs, ray)
+    with open_results(output if output is not None else f"{path.stem}_runs", tell=note) as folder:
+        job = read_job(path, folder.path)
+        folder.hold()  # before the pool: its end kills what the folder's drives have left behind
         try:
-            results = folder.begin(job, is_resumed=is_resumed)
-        except DocumentError:
-            pool.close(is_done=False)
-            raise
-        return _drive(job, campaign, runs, folder, pool, results=results, num_retries=num_retries, is_json=is_json)
-    finally:
-        folder.close()
+            pool = open_pool(job, num_jobs, ray)
+            try:
+                results = folder.begin(job, is_resumed=is_resumed)
+            except DocumentError:
+                pool.close(is_done=False)
+                raise
+            return _drive(job, campaign, runs, folder, pool, results=results, num_retries=num_retries, is_json=is_json)
+        finally:
+            folder.close()
 
 
 def _planned(campaign: Campaign, shard: tuple[int, int] | None = None) -> list[Run]:
@@ -117,15 +117,17 @@ def merge(folders: Sequence[str], output: str, *, is_json: bool) -> int:
     Raises:
         DocumentError: the folders cannot be merged.
     """
-    paths, into = [Path(each) for each in folders], ResultsFolder(Path(output))
-    job, name = read_text_of(paths[0])
-    campaign = open_job(job).campaign
-    try:
-        results = merge_folders(paths, into)
-        write_all(into, campaign, results, name)
-    finally:
-        into.close()
-    _put_counts(results, into.path, is_json=is_json)
+    with ExitStack() as opened:
+        into = opened.enter_context(open_results(output, tell=note))
+        parts = [opened.enter_context(open_results(each, fetch=None)) for each in folders]
+        job, name = read_text_of(parts[0].path)
+        campaign = open_job(job).campaign
+        try:
+            results = merge_folders(parts, into)
+            write_all(into, campaign, results, name)
+        finally:
+            into.close()
+    _put_counts(results, output, is_json=is_json)
     missing = sorted({run.number for run in _planned(campaign)} - {result.run.number for result in results})
     if missing:
         told = f"{len(missing):,} runs have no result, the first is run {missing[0]}"
@@ -177,10 +179,10 @@ def _drive(
             signal.signal(number, handler)
         shower.end()
     if runner.trouble:
-        raise DocumentError(f"{folder.path}: results could not be written: {runner.trouble}")
+        raise DocumentError(f"{folder.title}: results could not be written: {runner.trouble}")
     ordered = [there[number] for number in sorted(there)]
     write_all(folder, campaign, ordered, Path(job.source).stem)
-    _put_counts(ordered, folder.path, is_json=is_json)
+    _put_counts(ordered, folder.title, is_json=is_json)
     if not is_done:
         return INTERRUPTED
     return int(any(each.verdict in BAD for each in ordered))
@@ -219,12 +221,13 @@ class _Shower:
             sys.stderr.flush()
 
 
-def _put_counts(results: list[Result], folder: Path, *, is_json: bool) -> None:
+def _put_counts(results: list[Result], folder: str, *, is_json: bool) -> None:
     counts = Counter(result.verdict for result in results)
     num_again = sum(result.retries > 0 for result in results)
+    report = f"{folder.rstrip('/')}/report.html"
     if is_json:
         told: dict[str, int] = {verdict: counts[verdict] for verdict in VERDICTS}
-        more = {"again": num_again, "folder": str(folder), "report": str(folder / "report.html")}
+        more = {"again": num_again, "folder": folder, "report": report}
         put_json({"runs": len(results), **told, **more})
         return
     told_counts = ", ".join(f"{counts[verdict]:,} {verdict}" for verdict in VERDICTS if counts[verdict])
@@ -233,7 +236,7 @@ def _put_counts(results: list[Result], folder: Path, *, is_json: bool) -> None:
         put_lines(f"  run {result.run.number} {result.verdict}: {result.reason}")
     if num_again:
         put_lines(f"driven again, because the worker was killed: {num_again:,}")
-    put_lines(f"report: {folder / 'report.html'}")
+    put_lines(f"report: {report}")
 
 
 _MOST_LISTED = 5
@@ -301,12 +304,12 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     Raises:
         DocumentError: there is no such run.
     """
-    path = Path(folder)
-    job, _ = read_text_of(path)
-    before = next((each for each in ResultsFolder(path).results() if each.run.number == number), None)
+    with open_results(folder) as there:
+        job, _ = read_text_of(there.path)
+        before = next((each for each in there.results() if each.run.number == number), None)
     if before is None:
-        raise DocumentError(f"{path}: there is no result of a run {number}")
-    with _temporary_folder() as work:
+        raise DocumentError(f"{folder}: there is no result of a run {number}")
+    with temporary_folder() as work:
         again = Job(job.text, job.source, job.base, work)
         campaign = open_job(again).campaign
         pool = open_pool(again, 1, None)
@@ -336,18 +339,3 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     if output.strip():
         put_lines(f"\nthe driver's output:\n{output.rstrip()}")
     return int(not is_same)
-
-
-@contextmanager
-def _temporary_folder() -> Iterator[str]:
-    """Make a folder for a run that is driven again.
-
-    Raises:
-        DocumentError: no folder for temporary files can be written.
-    """
-    try:
-        folder = tempfile.TemporaryDirectory(prefix="campaign-")
-    except OSError as error:
-        raise DocumentError(f"no temporary folder can be made ({error.strerror}): have TMPDIR name one") from None
-    with folder as work:
-        yield work
