@@ -114,8 +114,14 @@ class Actionlib:
         ):
             bus.subscribe(owner, f"{action.name}/{name}", deliver, type_name=type_name, limits=BodyLimits())
         bus.on_leave.append(self._on_leave)
+        bus.on_topic.append(self._note_listener)
 
     # Time
+
+    def _note_listener(self, topic: Topic) -> None:
+        """Announce the status when it gets a subscriber."""
+        if topic is self._status:
+            self._bus.agenda.announce(self.next_due())
 
     def next_due(self) -> float | None:
         """Return when `advance` has something to do next [s]; None while the status has no subscriber."""

@@ -41,7 +41,6 @@ class Bus(BusState):
         parameters: the parameter server.
         unpublished: subscriptions to topics without a publisher.
         unheard: advertisements of clients without a subscriber.
-        max_calls: calls that one caller may have in flight; the same limit applies to goals.
         advertise, unadvertise, subscribe: see `TopicTable`.
         publish, announce, show: see `Delivery`.
         provide, call: see `ServiceTable`.
@@ -76,7 +75,6 @@ class Bus(BusState):
         self.parameters = Parameters()
         self.unpublished = topics.unpublished
         self.unheard = topics.unheard
-        self.max_calls = max_calls
         # Only methods with many arguments are attributes here; the others are methods below. CPython 3.11 reads
         # objects with more than 30 attributes more slowly, and each message reads `stamp_ns` several times.
         self.advertise = topics.advertise
@@ -128,6 +126,11 @@ class Bus(BusState):
         """Stop offering a service. See `ServiceTable.withdraw`."""
         self._service_table.withdraw(owner, name, answers_calls=answers_calls)
 
+    @property
+    def max_calls(self) -> int:
+        """Calls that one caller may have in flight; the same limit applies to goals."""
+        return self._service_table.max_calls
+
     # Time and departure
 
     def next_deadline(self) -> float | None:
@@ -148,6 +151,7 @@ class Bus(BusState):
 
     def leave(self, owner: Participant, now: float) -> None:
         """Remove everything of `owner`, answer its waiting callers, call `on_leave`. A second call does nothing."""
+        self.agenda.is_touched = True
         attempt = self.guard.attempt
         attempt("the end of an owner's goals", self.actions.leave, owner)
         self._service_table.abandon_calls(owner)

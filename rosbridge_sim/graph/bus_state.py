@@ -6,6 +6,7 @@ The parts are topics (`topic_table.py`), message delivery (`delivery.py`), servi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,14 +17,37 @@ from rosbridge_sim.graph.topics_services import Call, Service, Subscription, Top
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["BusState", "Holdings", "earliest"]
+__all__ = ["Agenda", "BusState", "Holdings", "earliest"]
 
 
 def earliest(one: float | None, other: float | None) -> float | None:
-    """Return the earlier of two times; None stands for never. It is asked for after each pass of the server's loop."""
+    """Return the earlier of two times; None stands for never."""
     if one is None or other is None:
         return other if one is None else one
     return min(one, other)
+
+
+class Agenda:
+    """What must be looked at in a process, so that not every part is asked after each op when it is due next.
+
+    Attributes:
+        first: no part that announces its times is due earlier [s]. It may be too early, because what is over is not
+            taken back: then the parts are asked once more, and have nothing to do.
+        is_touched: something was done since the scheduler asked the other parts. A message from client to client is no
+            such thing.
+    """
+
+    __slots__ = ("first", "is_touched")
+
+    def __init__(self) -> None:
+        self.first = -math.inf
+        self.is_touched = True
+
+    def announce(self, due: float | None) -> None:
+        """Note that something has to be done at a time [s]; None stands for never."""
+        if due is not None and due < self.first:
+            self.first = due
+            self.is_touched = True
 
 
 @dataclass(slots=True)
@@ -43,6 +67,7 @@ class BusState:
         store: the types.
         time_ns: simulation time if there is a world, else the time of day [ns]; used by bags and rates.
         stamp_ns: time for stamps that a message leaves open [ns]: `time_ns`, or the time of day if that was chosen.
+        agenda: when the parts have something to do.
         guard: limits the effect of internal errors.
         total: memory account of all owners together.
         accounts: accounts of owners with a limit, by owner.
@@ -56,6 +81,7 @@ class BusState:
         self.store = store
         self.time_ns = 0
         self.stamp_ns = 0
+        self.agenda = Agenda()
         self.guard = Guard()
         self.total = Account()
         self.accounts: dict[Participant, Account] = {}
@@ -92,6 +118,7 @@ class BusState:
 
     def report_topic(self, topic: Topic) -> None:
         """Call the hooks for a topic with a new publisher or subscriber (for the parts of the bus alone)."""
+        self.agenda.is_touched = True
         for hook in tuple(self.on_topic):
             self.guard.attempt(f"a look at {topic.name}", hook, topic)
 

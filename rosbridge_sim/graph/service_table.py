@@ -168,6 +168,7 @@ class ServiceTable:
         if timeout is not None and timeout > 0 and not call.is_done:
             call.deadline = now + timeout
             heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))
+            state.agenda.announce(call.deadline)
 
     def forget_call(self, call: Call) -> None:
         """Remove an ended call from its caller's list (for `Call` alone)."""

@@ -49,8 +49,8 @@ class TopicTable:
             by_name: takes the topics; empty.
         """
         self.by_name = by_name
-        self.unpublished = UnpublishedTopics()
-        self.unheard = UnheardTopics()
+        self.unpublished = UnpublishedTopics(state.agenda)
+        self.unheard = UnheardTopics(state.agenda)
         self._state = state
         self._types = types
         self._orphans: dict[Topic, None] = {}
@@ -374,6 +374,7 @@ class TopicTable:
             topic.orphaned_at = now
             self._orphans.pop(topic, None)
             self._orphans[topic] = None
+            self._state.agenda.announce(now + TYPE_MEMORY)
             if len(self._orphans) > MAX_REMEMBERED_TOPICS:
                 self._forget(next(iter(self._orphans)))
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from itertools import islice
 
+from rosbridge_sim.graph.bus_state import Agenda
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.suggestions import find_misspelt
@@ -37,7 +38,8 @@ _SEPARATORS = str.maketrans("", "", "_-/")
 class UnheardTopics:
     """Advertisements that began without a subscriber, oldest first."""
 
-    def __init__(self) -> None:
+    def __init__(self, agenda: Agenda) -> None:
+        self._agenda = agenda
         self._watched: dict[tuple[Participant, Topic], tuple[float, Callable[[Topic], None]]] = {}
 
     def watch(self, owner: Participant, topic: Topic, notify: Callable[[Topic], None], now: float) -> None:
@@ -50,6 +52,7 @@ class UnheardTopics:
         """
         if not is_heard(topic) and len(self._watched) < MAX_WATCHED_PUBLISHERS:
             self._watched.setdefault((owner, topic), (now + UNHEARD_AFTER, notify))
+            self._agenda.announce(now + UNHEARD_AFTER)
 
     def forget(self, owner: Participant, topic: Topic) -> None:
         """Stop watching a publisher; an unknown one is not an error.

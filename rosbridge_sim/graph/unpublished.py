@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import islice
 
+from rosbridge_sim.graph.bus_state import Agenda
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 
 __all__ = ["UNPUBLISHED_AFTER", "UnpublishedTopics"]
@@ -35,7 +36,8 @@ class UnpublishedTopics:
             that is not known, for the end of a sentence; may be empty.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, agenda: Agenda) -> None:
+        self._agenda = agenda
         self.advise: Callable[[Topic], str] = lambda _topic: ""
         self.advise_name: Callable[[str], str] = lambda _name: ""
         self._watched: dict[Subscription, tuple[float, Callable[[Topic], None]]] = {}
@@ -49,6 +51,7 @@ class UnpublishedTopics:
         """
         if not subscription.topic.publishers and len(self._watched) < MAX_WATCHED_SUBSCRIPTIONS:
             self._watched[subscription] = (now + UNPUBLISHED_AFTER, notify)
+            self._agenda.announce(now + UNPUBLISHED_AFTER)
 
     def forget(self, subscription: Subscription) -> None:
         """Stop watching a subscription; an unknown one is not an error."""

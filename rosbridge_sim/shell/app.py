@@ -299,8 +299,8 @@ class Simulator:
             node = self._make_node(bus, recordings, reader, loop)
         complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         stamps = None if node is None else choose_stamps(settings, node)
-        clocks: list[Clock] = [republisher] if node is None else [node, republisher]
-        scheduler = Scheduler(loop, bus, clocks, self._give_up)
+        clocks: list[Clock] = [] if node is None else [node]
+        scheduler = Scheduler(loop, bus, clocks, self._give_up, announcing=[republisher])
         recordings.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
         _tell_of_world(server, node, reader)

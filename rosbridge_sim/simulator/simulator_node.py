@@ -107,6 +107,7 @@ class SimulatorNode:
     Attributes:
         context: shared by its components.
         components: in the order in which their topics are published with a frame.
+        advance, next_due: compute the frames that real time owes; see `RealTime`.
     """
 
     def __init__(self, context: SimulatorContext, components: Sequence[Component]) -> None:
@@ -122,6 +123,7 @@ class SimulatorNode:
         self.context = context
         self.components = tuple(components)
         self._real_time = RealTime(context)
+        self.advance, self.next_due = self._real_time.advance, self._real_time.next_due
         bindings = SubscribersServices(context.interfaces)
         for component in self.components:
             component.publish_ego(context.egos.first, bindings.prefix, context.publishers)
@@ -141,18 +143,6 @@ class SimulatorNode:
     def _advise_name(self, name: str) -> str:
         """Return which release has a name that this one lacks; empty for one that is here under another name."""
         return advise_release(name) if not name.startswith("/") or self.context.interfaces.is_elsewhere(name) else ""
-
-    def advance(self, now: float) -> None:
-        """Compute the frames that real time owes; see `RealTime.advance`."""
-        self._real_time.advance(now)
-
-    def next_due(self, now: float) -> float | None:
-        """Return the time of the next call of `advance`; see `RealTime.next_due`.
-
-        Returns:
-            Monotonic time [s]; None while only a service call can move the world.
-        """
-        return self._real_time.next_due(now)
 
     def reset(self, seed: int | None, now: float) -> None:
         """Reset the world to its start; see `SceneChanges.reset`.

@@ -263,6 +263,7 @@ class MirrorRegistry:
         source, is_large = far_side.source, item.is_large
 
         def deliver(topic: Topic, message: Message, sender: Participant, now: float) -> None:
+            self._bus.agenda.is_touched = True
             # A latched message may come just once, and perhaps between the announcements of topics and of services.
             is_open = connection.has_services or topic.is_latching
             if sender is source and is_open and item.is_confirmed and not (item.is_silent or item.is_unread):

@@ -154,6 +154,8 @@ class Peer(PeerBase):
     def _carry_out(self, op: ops.Op, act: _Act, now: float) -> None:
         self.op_id = op.id
         self.op = op
+        if type(op) is not ops.Publish:  # what takes messages notes it itself
+            self.bus.agenda.is_touched = True
         try:
             act(op, now)
         except PeerError as error:

@@ -132,7 +132,7 @@ class _StreamTopic:
 
 
 class WebRepublisher:
-    """The node that serves the three ways."""
+    """The node that serves the three ways. It announces in the bus's agenda when it is due."""
 
     name = REPUBLISHER_NAME
 
@@ -247,6 +247,7 @@ class WebRepublisher:
         stream = self._open(call.caller, call.request, send)
         topic = self._bus.advertise(self, name, "tf2_web_republisher/TFArray", depth=1, is_exclusive=True)
         self._stream_topics[topic] = _StreamTopic(stream, topic, timeout or DEFAULT_TIMEOUT, unheard_since=now)
+        self._bus.agenda.announce(self._sweep_due)
         self._start(topic, stream, now)
         call.answer(call.service.type.response.struct_type(topic_name=name))
 
@@ -319,6 +320,7 @@ class WebRepublisher:
         waits = [self._update(stream, now) for stream in list(self._streams.values()) if stream.version != version]
         wait = min((wait for wait in waits if wait is not None), default=None)
         self._alarm = None if wait is None else now + min(wait, _LONGEST_WAIT)
+        self._bus.agenda.announce(self._alarm)
         self._alarm_set_ns = self._bus.time_ns
 
     def _update(self, stream: _Stream, now: float) -> float | None:

@@ -1,8 +1,10 @@
 """The scheduler of a running simulator: one timer for the next event.
 
-Events are the world's next frame, the bus's next time-out, and the turns of other parts. After each frame from a client
-the next event is computed again, because it may have changed. One pass of the loop has one turn with work at most: the
-sockets are looked at between two of them, even where the timer, a client's frame and the last turn ask for one at once.
+Events are the world's next frame, the bus's next time-out, and the turns of other parts. After each op of a client but
+a message for other clients the next event is computed again, because it may have changed. The bus and some clocks
+announce their times in the bus's `Agenda`, so they are asked when one of these has come; the others are asked each
+time. One pass of the loop has one turn with work at most: the sockets are looked at between two of them, even where the
+timer, a client's frame and the last turn ask for one at once.
 An internal error in the world ends the simulator, because a world that stands still and answers is worse than none. The
 error is logged with its traceback, and `failure` gets it.
 """
@@ -11,6 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
@@ -30,12 +33,16 @@ class WorldFailedError(RosbridgeSimError):
 
 
 class Clock(Protocol):
-    """A part of the simulator that has work at certain times."""
+    """A part of the simulator that has work at certain times.
 
-    def next_due(self, now: float) -> float | None:
+    If it becomes due earlier by something else than an op, a departure or a call of `advance`, it touches the agenda,
+    announces the time there, or calls `look`.
+    """
+
+    def next_due(self, now: float, /) -> float | None:
         """Return when `advance` has something to do next [s]; None while that depends on other parts."""
 
-    def advance(self, now: float) -> None:
+    def advance(self, now: float, /) -> None:
         """Do everything that is due; nothing if it is too early."""
 
 
@@ -55,7 +62,12 @@ class Scheduler:
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, bus: Bus, clocks: Sequence[Clock], on_failure: Callable[[], None]
+        self,
+        loop: asyncio.AbstractEventLoop,
+        bus: Bus,
+        clocks: Sequence[Clock],
+        on_failure: Callable[[], None],
+        announcing: Sequence[Clock] = (),
     ) -> None:
         """Create a scheduler; the first `look` sets the timer.
 
@@ -64,14 +76,18 @@ class Scheduler:
             bus: its time-outs come first.
             clocks: get their turns after it, in this order.
             on_failure: called once if one of them fails.
+            announcing: clocks that announce in the bus's agenda when they are due; they get their turns last.
         """
         self.failure: asyncio.Future[None] = loop.create_future()
         self._loop = loop
         self._bus = bus
+        self._agenda = bus.agenda
         self._clocks = tuple(clocks)
+        self._announcing = tuple(announcing)
         self._on_failure = on_failure
         self._timer: asyncio.TimerHandle | None = None
-        self._armed_for = float("inf")
+        self._armed_for = math.inf
+        self._due = math.inf  # the next event
         self._is_looking = False
         self._is_resting = False  # a turn with work was in this pass of the loop
         self._is_wanted = False  # another one was asked for since
@@ -87,7 +103,11 @@ class Scheduler:
         self._clocks += (clock,)
 
     def look(self) -> None:
-        """Compute the next event in the next turn of the loop, once for all changes in this turn."""
+        """Ask everything for the next event in the next turn of the loop, once for all changes in this turn."""
+        self._agenda.first = -math.inf
+        self._look_soon()
+
+    def _look_soon(self) -> None:
         if self._is_resting:
             self._is_wanted = True
         elif not self._is_looking:
@@ -95,8 +115,11 @@ class Scheduler:
             self._loop.call_soon(self._turn)
 
     def turn(self) -> None:
-        """Compute the next event now, at the end of a pass of the loop, unless `look` was called already."""
-        if not self._is_looking:
+        """Compute the next event now, at the end of a pass of the loop, if it may have changed or has come.
+
+        It does nothing if `look` was called already.
+        """
+        if not self._is_looking and (self._agenda.is_touched or self._due <= self._loop.time()):
             self._turn()
 
     def stop(self) -> None:
@@ -113,14 +136,14 @@ class Scheduler:
         now = self._loop.time()
         try:
             due = self._next_due(now)
-            if due is not None and due <= now:
+            if due <= now:
                 if self._is_resting:
                     self._is_wanted = True
                     return
                 self._is_resting = True
                 self._loop.call_soon(self._end_rest)
                 self._bus.expire(now)
-                for clock in self._clocks:
+                for clock in (*self._clocks, *self._announcing):
                     self._advance(clock, now)
                 due = self._next_due(now)
         except Exception as error:  # noqa: BLE001 - any internal error
@@ -155,34 +178,46 @@ class Scheduler:
         else:
             guard.blame(clock, error)
 
-    def _next_due(self, now: float) -> float | None:
-        due = self._bus.next_deadline()
-        for clock in self._clocks:
+    def _next_due(self, now: float) -> float:
+        """Return when the next event is [s]; infinity if none is to come."""
+        agenda = self._agenda
+        if agenda.first <= now:
+            agenda.first = math.inf
+            agenda.announce(self._bus.next_deadline())
+            agenda.announce(self._ask(self._announcing, now))
+        agenda.is_touched = False
+        self._due = min(agenda.first, self._ask(self._clocks, now))
+        return self._due
+
+    def _ask(self, clocks: Sequence[Clock], now: float) -> float:
+        """Return when the first of some clocks is due [s]; infinity if none is."""
+        due = math.inf
+        for clock in clocks:
             try:
                 other = clock.next_due(now)
             except Exception as error:  # noqa: BLE001 - an internal error
                 self._blame(clock, error)
                 continue
-            if due is None or (other is not None and other < due):
+            if other is not None and other < due:
                 due = other
         return due
 
-    def _arm(self, now: float, due: float | None) -> None:
-        if due is not None and due <= now:  # more is due than one turn may do: others come first
-            self.look()
+    def _arm(self, now: float, due: float) -> None:
+        if due <= now:  # more is due than one turn may do: others come first
+            self._look_soon()
             return
-        wanted = float("inf") if due is None else max(due, now + SHORTEST_WAIT)
+        wanted = max(due, now + SHORTEST_WAIT)
         if wanted == self._armed_for:
             return
         if self._timer is not None:
             self._timer.cancel()
         self._armed_for = wanted
-        self._timer = None if due is None else self._loop.call_at(wanted, self._on_timer)
+        self._timer = None if wanted == math.inf else self._loop.call_at(wanted, self._on_timer)
 
     def _on_timer(self) -> None:
         self._timer = None
-        self._armed_for = float("inf")
-        self.look()
+        self._armed_for = math.inf
+        self._look_soon()
 
     def _fail(self, error: Exception) -> None:
         self.stop()

@@ -53,7 +53,11 @@ PAUSE_PERIOD: Final = 1.0
 
 
 class Publishers:
-    """All topics that `owner` publishes; most of them may have no other publisher."""
+    """All topics that `owner` publishes; most of them may have no other publisher.
+
+    Attributes:
+        pause_at: time of the next message in a pause [s]; None without a pause.
+    """
 
     def __init__(self, owner: Participant, bus: Bus, items: InterfaceRegistry) -> None:
         """Start without topics.
@@ -72,8 +76,8 @@ class Publishers:
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
         self._factor = 1.0
-        # In a pause: time of the next message, subscriptions that got the last one, and whether one was added since.
-        self._pause_at: float | None = None
+        # In a pause: subscriptions that got the last message, and whether one was added since.
+        self.pause_at: float | None = None
         self._shown_to: set[Subscription] = set()
         self._has_newcomer = False
         bus.on_topic.append(self._note_newcomer)
@@ -338,10 +342,10 @@ class Publishers:
             is_paused: a pause stops real time; false while the world waits for ticks.
         """
         if not is_paused:
-            self._pause_at = None
+            self.pause_at = None
             self._shown_to.clear()
-        elif self._pause_at is None:
-            self._pause_at = now + PAUSE_PERIOD
+        elif self.pause_at is None:
+            self.pause_at = now + PAUSE_PERIOD
             self._shown_to = self._listeners_in_pause()
             self._has_newcomer = False
 
@@ -351,21 +355,21 @@ class Publishers:
         Returns:
             Monotonic time [s]; None if there is nothing to show.
         """
-        if self._pause_at is None:
+        if self.pause_at is None:
             return None
         if self._has_newcomer:
             return now
-        return self._pause_at if self._listeners_in_pause() else None
+        return self.pause_at if self._listeners_in_pause() else None
 
     def show_in_pause(self, now: float) -> None:
         """Publish the world's current state in a pause: to all subscribers once a period, and to new ones at once."""
-        if self._pause_at is None:
+        if self.pause_at is None:
             return
-        is_time = now >= self._pause_at
+        is_time = now >= self.pause_at
         if not is_time and not self._has_newcomer:
             return
         if is_time:
-            self._pause_at = now + PAUSE_PERIOD
+            self.pause_at = now + PAUSE_PERIOD
         shown_to = set() if is_time else self._shown_to
         self._has_newcomer = False
         self._shown_to = self._listeners_in_pause()
@@ -416,7 +420,7 @@ class Publishers:
 
     def _note_newcomer(self, topic: Topic) -> None:
         """Note that a subscriber has joined, perhaps to one of these topics."""
-        if self._pause_at is not None:
+        if self.pause_at is not None:
             self._has_newcomer = True
         for publisher in self._for_viewers:
             if publisher.topic is topic and publisher.is_latched and topic.subscriptions:

@@ -166,6 +166,7 @@ class _Subscriber(Interface):
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
         def deliver(_topic: Topic, message: Message, sender: Participant, now: float) -> None:
+            bus.agenda.is_touched = True
             self._take(message.value, sender, now)
 
         self._subscription = bus.subscribe(owner, name, deliver, type_name=self.type_name, limits=self._limits)

@@ -30,6 +30,7 @@ class LateWork:
     """The work of all clients that waits, oldest first.
 
     Attributes:
+        waiting: the parts of each work, and what releases its client.
         has_turns: an event loop calls `take_turn`; otherwise all parts are done at once.
     """
 
@@ -43,12 +44,8 @@ class LateWork:
         self.has_turns = False
         self._sync_driver = sync_driver
         self._guard = guard
-        self._waiting: deque[tuple[Parts, Callable[[float], None]]] = deque()
+        self.waiting: deque[tuple[Parts, Callable[[float], None]]] = deque()
         self._had_turn = False
-
-    def __len__(self) -> int:
-        """Return how many works wait."""
-        return len(self._waiting)
 
     def do(self, parts: Parts, client: Participant, source: str) -> None:
         """Do some work, later if there are turns and not too much waits.
@@ -61,9 +58,9 @@ class LateWork:
         Raises:
             PeerError: a mistake, if it is done at once.
         """
-        if self.has_turns and len(self._waiting) < MAX_WAITING:
+        if self.has_turns and len(self.waiting) < MAX_WAITING:
             told = _tell_mistakes(parts, notifier(client), source)
-            self._waiting.append((told, self._sync_driver.hold(client)))
+            self.waiting.append((told, self._sync_driver.hold(client)))
         else:
             for _ in parts:
                 pass
@@ -74,10 +71,10 @@ class LateWork:
         Returns:
             False if none was done, because none waits or it is the world's turn.
         """
-        self._had_turn = bool(self._waiting) and not self._had_turn
+        self._had_turn = bool(self.waiting) and not self._had_turn
         if not self._had_turn:
             return False
-        parts, release = self._waiting[0]
+        parts, release = self.waiting[0]
         try:
             next(parts)
         except StopIteration:
@@ -88,7 +85,7 @@ class LateWork:
         return True
 
     def _end(self, release: Callable[[float], None], now: float) -> None:
-        self._waiting.popleft()
+        self.waiting.popleft()
         release(now)
 
 

@@ -10,8 +10,9 @@ import logging
 from collections.abc import Callable
 from typing import Final
 
-from rosbridge_sim.graph.bus_state import earliest
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.sync.barrier_table import BarrierState
+from rosbridge_sim.simulator.sync.sync_table import SyncState
 
 __all__ = ["MAX_FRAMES_AT_ONCE", "RealTime", "set_real_time_factor"]
 
@@ -71,20 +72,25 @@ class RealTime:
 
     def next_due(self, now: float) -> float | None:
         """Return the time of the next call of `advance` [s]; None while only a service call can move the world."""
-        context = self._context
-        if len(context.late_work):
+        context = self._context  # called after each op: only what can be due is asked
+        if context.late_work.waiting:
             return now
-        failure, publishers, driver = context.failure, context.publishers, context.sync_driver
+        failure, publishers, driver, sync = context.failure, context.publishers, context.sync_driver, context.sync
         if failure.why is not None:
             return None if failure.is_serving_on else now
-        is_free = context.sync.is_free
-        if driver.has_turn or publishers.has_viewer_to_show(is_flowing=is_free):
+        is_free = sync.state is SyncState.FREE
+        if (driver.calls and driver.has_turn) or publishers.has_viewer_to_show(is_flowing=is_free):
             return now
-        due = earliest(driver.due(now), publishers.pause_due(now))
+        dues: list[float | None] = []
+        if sync.lease is not None:
+            dues.append(sync.lease_due)
+        if context.barrier.state is not BarrierState.EMPTY:
+            dues.append(context.barrier.due(now))
+        if publishers.pause_at is not None:
+            dues.append(publishers.pause_due(now))
         if is_free:
-            frame_due = self._frame_due(now) if context.pacer.is_started else now
-            due = earliest(due, earliest(frame_due, publishers.repeat_due))
-        return due
+            dues += (self._frame_due(now) if context.pacer.is_started else now, publishers.repeat_due)
+        return min((due for due in dues if due is not None), default=None)
 
     def _frame_due(self, now: float) -> float | None:
         """Return when the next frame begins [s]; None if it waits for messages of the last one."""

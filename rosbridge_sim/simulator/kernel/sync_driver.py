@@ -20,7 +20,6 @@ from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.bus_state import earliest
 from rosbridge_sim.graph.participant import Participant, hold
 from rosbridge_sim.printable import printable
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -64,6 +63,7 @@ class SyncDriver:
 
     Attributes:
         num_ticks: ticks carried out.
+        calls: the calls that wait, oldest first; `sync` has the ticks that they have left.
         read_clock: the time that ends a turn [s]; None has a turn end with the last tick that can be carried out. What
             is computed does not depend on it, unless another client interferes.
     """
@@ -108,8 +108,7 @@ class SyncDriver:
         # The calls that have ended behind a closed gate, oldest first.
         self._unanswered: deque[tuple[WaitingCall, TickResult]] = deque()
         self._barrier_call: WaitingCall | None = None  # the last tick of a barrier
-        # The calls that wait, oldest first; `sync` has the ticks that they have left.
-        self._calls: deque[WaitingCall] = deque()
+        self.calls: deque[WaitingCall] = deque()
         self._call_in_hand: WaitingCall | None = None
         self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
         self._turn_until = math.inf
@@ -172,10 +171,6 @@ class SyncDriver:
         master = self._sync.master_id
         self._note_loss(self._sync.expire(now), master, "was silent for as long as --sync-lease", now)
 
-    def due(self, now: float) -> float | None:
-        """Time of the next call of `expire` that is needed [s]; None if none is."""
-        return earliest(self._sync.lease_due, self._barrier.due(now))
-
     def forget(self, now: float) -> None:
         """Refuse what waits for frames of the world before: it has begun anew."""
         self._sync.forget(now)
@@ -227,7 +222,7 @@ class SyncDriver:
 
         named, call = world.frame + sync.num_frames, WaitingCall(OneTick(end), sync.num_frames)
         self._barrier_call = call
-        wait = partial(self._calls.append, call)
+        wait = partial(self.calls.append, call)
         try:
             outcome = sync.tick(
                 BARRIER_ID,
@@ -271,7 +266,7 @@ class SyncDriver:
         sync = self._sync
         is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
         call = WaitingCall(OneTick(on_end), sync.num_frames)
-        wait = partial(self._calls.append, call)
+        wait = partial(self.calls.append, call)
         outcome = sync.tick(
             user_id,
             named,
@@ -294,7 +289,7 @@ class SyncDriver:
 
     def _begin(self, call: WaitingCall, now: float) -> None:
         """Let a tick that has come have its first turn at once, unless others wait before it."""
-        if self._calls[0] is call:
+        if self.calls[0] is call:
             self.take_turns(now)
 
     def _ask_barrier_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
@@ -328,7 +323,7 @@ class SyncDriver:
             user_id, holder = BARRIER_ID, self._barrier
         is_done = steps.num_left == 1 and self._gate.is_open and self._step_now(user_id, call, holder, now)
         if not is_done:
-            outcome = sync.step(user_id, steps.num_left, holder, now, on_wait=partial(self._calls.append, call))
+            outcome = sync.step(user_id, steps.num_left, holder, now, on_wait=partial(self.calls.append, call))
             if not outcome.is_accepted:
                 why = sync.why(outcome)
                 call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason), now)
@@ -355,7 +350,7 @@ class SyncDriver:
     @property
     def has_turn(self) -> bool:
         """Return whether `take_turns` has something to do now."""
-        calls = self._calls
+        calls = self.calls
         return (
             bool(calls)
             and self._gate.is_open
@@ -367,7 +362,7 @@ class SyncDriver:
 
         Call it again while `has_turn`, when all others have been served.
         """
-        read_clock, sync, calls = self.read_clock, self._sync, self._calls
+        read_clock, sync, calls = self.read_clock, self._sync, self.calls
         if self._stepper.is_moving:
             return
         self._turn_until = math.inf if read_clock is None else read_clock() + TURN_TIME
@@ -411,7 +406,7 @@ class SyncDriver:
         Returns:
             False if no tick can be carried out now.
         """
-        sync, calls, steps = self._sync, self._calls, call.steps
+        sync, calls, steps = self._sync, self.calls, call.steps
         num_ticks = self.num_ticks
         self._call_in_hand = call
         try:
@@ -522,8 +517,8 @@ class SyncDriver:
         self._ended_at = now
         if self._call_in_hand is not None:  # its tick goes on to its end, and then it is answered
             self._call_in_hand.why = why
-        refused = list(self._calls)
-        self._calls.clear()
+        refused = list(self.calls)
+        self.calls.clear()
         for call in refused:
             call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)
         self._end_waits(now)

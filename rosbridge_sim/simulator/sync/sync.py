@@ -84,6 +84,7 @@ class Sync(WaitingCommands[C]):
         state: the current state of the table.
         master_id: the id that may tick; empty while there is no master.
         step_ms: the time step in force, or the one last in force [ms].
+        lease: silence after which the master is taken for lost [s]; None counts departures only.
         hooks: functions for the effects beyond the mode.
     """
 
@@ -111,7 +112,7 @@ class Sync(WaitingCommands[C]):
         self.step_ms = FRAME_MS
         self.hooks = SyncHooks()
         self._loss = _LOSS[on_loss]
-        self._lease = lease
+        self.lease = lease
         self._is_strict = is_strict
         self._may_anyone_stop = may_anyone_stop
         self._num_ids = 0
@@ -180,11 +181,11 @@ class Sync(WaitingCommands[C]):
     @property
     def lease_due(self) -> float | None:
         """Time at which `expire` ends the lease of a silent master [s]; None if silence does not count now."""
-        if self._lease is None or self.state in NO_MASTER:
+        if self.lease is None or self.state in NO_MASTER:
             return None
         if any(holder in self._holders for holder in self._mute):
             return None
-        return self._heard_at + self._lease
+        return self._heard_at + self.lease
 
     def why(self, outcome: SyncOutcome) -> str:
         """Return the reason of a refusal, with the name of the other master if there is one; call it at once.

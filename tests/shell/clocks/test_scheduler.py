@@ -9,13 +9,17 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Literal, NoReturn, cast
 
+import orjson
 import pytest
 
 from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
+from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.files.definitions import read_definitions
@@ -150,6 +154,55 @@ def test_earlier_time_out_resets_the_timer() -> None:
     assert room.loop.armed == [1003.0]
     room.loop.move_to(1003.0)
     assert len(answers) == 2
+    assert room.loop.armed == []
+
+
+class CountingClock:
+    """A clock that is never due, and counts how often it is asked."""
+
+    num_asked = 0
+
+    def next_due(self, _now: float) -> None:
+        self.num_asked += 1
+
+    def advance(self, _now: float) -> None:
+        raise AssertionError("it is never due")
+
+
+def test_message_from_client_to_client_asks_no_clock_and_any_other_op_does() -> None:
+    room, clock = SchedulerFixture("sync"), CountingClock()
+    room.scheduler.add(clock)
+    client, listener = (
+        Peer(room.bus, Session(Outbox(OutboxLimits(), lambda: None, lambda: None), lambda _due: None)) for _ in range(2)
+    )
+
+    def asked_after(peer: Peer, **op: object) -> int:
+        clock.num_asked = 0
+        peer.receive(orjson.dumps(op), room.loop.now)
+        room.scheduler.turn()
+        return clock.num_asked
+
+    name = {"topic": "/chatter", "type": "std_msgs/String"}
+    assert asked_after(listener, op="subscribe", **name) == 1
+    assert asked_after(client, op="publish", **name) == 1, "it advertises, too"
+    assert asked_after(client, op="publish", topic="/chatter") == 0
+    assert asked_after(client, op="call_service", service="/rosapi/topics") == 1
+    assert asked_after(client, op="publish", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd") == 1
+    assert asked_after(client, op="publish", topic="/ctrl_cmd") == 1, "the simulator takes it"
+    listener.leave(room.loop.now)
+    room.scheduler.turn()
+    assert clock.num_asked == 2
+
+
+def test_time_out_is_announced_and_sets_the_timer_without_a_full_look() -> None:
+    room = SchedulerFixture("sync")
+    room.bus.provide(SilentParticipant("/provider"), "/silent", "std_srvs/Trigger", lambda _call, _now: None)
+    answers: list[Answer] = []
+    room.bus.call(SilentParticipant("/caller"), "/silent", None, answers.append, now=room.loop.now, timeout=2.0)
+    room.scheduler.turn()
+    assert room.loop.armed == [1002.0]
+    room.loop.move_to(1002.0)
+    assert len(answers) == 1
     assert room.loop.armed == []
 
 

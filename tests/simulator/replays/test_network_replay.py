@@ -154,7 +154,7 @@ def test_many_objects_are_read_in_turns_and_then_moved_at_once(
     for player in (first, second):
         player.send(INFO, "morai_msgs/ReplayInfo", **info)
     late_work, turns = harness.node.context.late_work, 0
-    while len(late_work):
+    while late_work.waiting:
         assert harness.node.scene.is_replaying is (turns >= 3), "the last of three parts moves the world"
         turns += late_work.take_turn(0.0)
     assert turns == 6
