@@ -27,9 +27,10 @@ from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.simulator.replays.replay import Replay
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.drawing import Shot, Sight, draw
+from rosbridge_sim.simulator.sensors.drawing import Sight, draw
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
+from rosbridge_sim.simulator.sensors.picture_sensor import PictureSpec, Shot
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import wrap_angle
 from rosbridge_sim.world.state.world import DT
@@ -70,13 +71,13 @@ class FilmCamera:
         Raises:
             DocumentError: there is no such camera, or the rig cannot be read.
         """
-        cameras = [spec for spec in read_sensors(sensors) if isinstance(spec, CameraSpec)]
+        cameras = [spec for spec in read_sensors(sensors) if isinstance(spec, PictureSpec)]
         names = [spec.frame_id for spec in cameras]
         self.is_chase = name == CHASE and CHASE not in names
         if self.is_chase:
             width, height = size or CHASE_SIZE
             fov = math.degrees(2.0 * math.atan(math.tan(0.5 * VIEW_HEIGHT) * width / height))
-            spec = CameraSpec(frame_id=CHASE, width=width, height=height, fov=min(fov, 170.0))
+            spec: PictureSpec = CameraSpec(frame_id=CHASE, width=width, height=height, fov=min(fov, 170.0))
         elif name in names:
             spec = cameras[names.index(name)]
         elif name.isdecimal() and int(name) < len(cameras):

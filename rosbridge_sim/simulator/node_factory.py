@@ -45,7 +45,7 @@ from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensor_services.sensor_commands import Sensors
 from rosbridge_sim.simulator.sensor_services.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.drawing import SensorWorker
-from rosbridge_sim.simulator.sensors.gps import Gps
+from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
@@ -258,7 +258,7 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
         sync_info=sync_info,
         static_tf=static_tf,
         gate=gate,
-        projection_import=ProjectionImport(bus, participant, gate, reader, Gps.prepare),
+        projection_import=ProjectionImport(bus, participant, gate, reader, GpsSpec.load_library),
         command_wait=CommandWait(settings.command_deadline, bus=bus, egos=egos, hooks=hooks),
         stepper=stepper,
         sync_driver=sync_driver,

@@ -31,7 +31,8 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import BASE, MAP, frame_prefix
 from rosbridge_sim.simulator.morai_services.command_topics import CommandTopics
-from rosbridge_sim.simulator.sensors.gps import Gps
+from rosbridge_sim.simulator.sensors.gps import GpsSpec
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.world.geometry.planar import quaternion
 from rosbridge_sim.world.state.world import Dynamics, Gear, Mode
@@ -62,7 +63,7 @@ class StandardTopics(Component):
             noise: errors of the GPS, the same as on `/gps`; None for exact readings.
         """
         self._context = context
-        self._gps = Gps(context, noise)
+        self._gps, self._shared = GpsSpec(), SensorContext(context, noise)
         self._commands = commands
         make = partial(maker, context.bus.store)
         self._vector = make("geometry_msgs/Vector3", "x", "y", "z")
@@ -116,7 +117,7 @@ class StandardTopics(Component):
 
     def _make_fix(self, ego: Ego) -> Struct | None:
         """Return the reading of the GPS as a message that all of ROS knows; None as for `/gps`."""
-        gps = self._gps.read_unless_lost(ego)
+        gps = self._gps.read(self._shared, ego)
         if gps is None:
             return None
         status = self._status(_HAS_FIX if gps.status else _NO_FIX, _GPS)

@@ -25,15 +25,13 @@ from importlib.util import find_spec
 from typing import IO, Any, Final
 
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
 __all__ = ["DrawingError", "DrawingProcess", "main"]
 
-CAMERA_LIBRARIES: Final = ("moderngl", "simplejpeg")
-LIDAR_LIBRARIES: Final = ("embreex",)
-"""Libraries of the extra `sensors`."""
+LIBRARIES: Final = {"cameras": ("moderngl", "simplejpeg"), "lidars": ("embreex",)}
+"""What is drawn -> libraries of the extra `sensors`."""
 
 MAX_ENDS: Final = 3
 """A process that has ended so often in a row, with no job done, is started again only after `PAUSE`."""
@@ -71,14 +69,11 @@ class DrawingProcess:
 
     def why_not(self, specs: Sequence[DrawnSpec]) -> str:
         """Return which library is missing for some sensors; see `SensorWorker`."""
-        has_camera = any(isinstance(spec, CameraSpec) for spec in specs)
-        has_lidar = any(not isinstance(spec, CameraSpec) for spec in specs)
-        wanted = [*(CAMERA_LIBRARIES if has_camera else ()), *(LIDAR_LIBRARIES if has_lidar else ())]
-        missing = [name for name in wanted if find_spec(name) is None]
+        nouns = [noun for noun in LIBRARIES if any(spec.noun == noun for spec in specs)]
+        missing = [name for noun in nouns for name in LIBRARIES[noun] if find_spec(name) is None]
         if not missing:
             return ""
-        what = " and ".join(word for word, is_there in (("cameras", has_camera), ("lidars", has_lidar)) if is_there)
-        return f"{what} need the library {missing[0]}: pip install 'rosbridge-sim[sensors]'"
+        return f"{' and '.join(nouns)} need the library {missing[0]}: pip install 'rosbridge-sim[sensors]'"
 
     def open(self, specs: Sequence[DrawnSpec]) -> None:
         """Make what draws for some sensors now.
@@ -261,5 +256,5 @@ def _answer(request: Any, makers: Makers) -> Sequence[Result] | None:  # noqa: A
     if isinstance(request, DrawingJob):
         return draw(request, makers)
     for spec in request:
-        makers.pictures() if isinstance(spec, CameraSpec) else makers.rays()
+        spec.open(makers)
     return None

@@ -150,14 +150,10 @@ class Sensors(Component):
 
     def _files(self, ego: Ego) -> Mapping[str, bytes]:
         world = self._context.world
-        prefix, frame = frame_prefix(ego), world.frame
         boxes = find_boxes(world, ego.row, BOX_REACH, MAX_BOXES)
         return {
-            **{
-                prefix + sensor.title + "_{}.csv": sensor.file(frame, sensor.read(ego))
-                for sensor in self._mounted.frame_sensors.values()
-            },
-            prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
+            **self._mounted.read_files(ego),
+            frame_prefix(ego) + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
         }
 
 

@@ -23,7 +23,6 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
 from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
-from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.sensor_presets import (
     document_of,
     learn_rig_mistakes,
@@ -128,7 +127,7 @@ class SensorService(Component):
         ego.mountings |= moved
         self._context.static_tf.announce(now)
         _log.info("ego %d: %d cameras, lidars and radars", ego.index, len(rig.behind))
-        if any(isinstance(spec, RadarSpec) for spec in added) and (why := self._mounted.why_slow):
+        if any(spec.has_turns for spec in added) and (why := self._mounted.why_slow):
             call.caller.notify("warning", why)
 
     def _read_moves(

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
-from rosbridge_sim.simulator.sensors.radar import RadarSpec
-from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes, own_velocity
+from rosbridge_sim.simulator.sensors.radar_echoes import RadarBeams, RadarEchoes, own_velocity
 from rosbridge_sim.simulator.sensors.sensor_noise import CameraNoise, LidarNoise, RadarNoise
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import World
@@ -99,7 +98,7 @@ def disturb_echoes(echoes: Echoes, max_range: float, noise: LidarNoise, chance: 
 def disturb_radar(
     echoes: RadarEchoes,
     carrier: tuple[World, int, Mounting],
-    spec: RadarSpec,
+    spec: RadarBeams,
     noise: RadarNoise,
     chance: np.random.Generator,
 ) -> RadarEchoes:
@@ -134,7 +133,7 @@ def _pick(echoes: RadarEchoes, which: NDArray[np.bool_] | NDArray[np.int64]) -> 
 
 
 def _clutter(
-    carrier: tuple[World, int, Mounting], spec: RadarSpec, num: int, chance: np.random.Generator
+    carrier: tuple[World, int, Mounting], spec: RadarBeams, num: int, chance: np.random.Generator
 ) -> RadarEchoes:
     is_far = chance.random(num) < 0.5  # noqa: PLR2004 - each beam has as much
     reach = np.where(is_far, spec.far_range, spec.near_range)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -11,17 +10,14 @@ from rosbridge_sim.errors import PeerError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig, SensorSpec
 
 __all__ = ["MEASURED_FRAMES", "EgoRig", "MountedSensor", "is_wanted"]
 
 MEASURED_FRAMES: Final = 100
 """Frames over which a rate is measured: two seconds."""
-
-Read = Callable[[SensorSpec], Struct | None]
-"""Returns the message of a sensor that is published with its frame; None where there is none."""
 
 
 @dataclass(slots=True, eq=False)
@@ -52,19 +48,17 @@ class EgoRig:
         behind: those of them whose messages come behind their frame.
     """
 
-    def __init__(self, context: SimulatorContext, ego: Ego, prefix: str, read: Read) -> None:
+    def __init__(self, shared: SensorContext, ego: Ego, prefix: str) -> None:
         """Begin without sensors.
 
         Args:
             prefix: of its topics.
-            read: reads a sensor whose message is published with its frame.
         """
         self.ego = ego
         self.prefix = prefix
         self.sensors: list[MountedSensor] = []
         self.behind: list[MountedSensor] = []
-        self._context = context
-        self._read = read
+        self._shared, self._context = shared, shared.simulator
         self._publishers: dict[str, PeriodicPublisher] = {}  # by the default names of the topics, without the prefix
 
     @property
@@ -141,12 +135,12 @@ class EgoRig:
             lambda: self._read_in_frame(spec),
             rate=spec.rate,
             is_sampled=True,
-            is_second_name=name in spec.second_names,
+            is_second_name=name != spec.topic and type_name == spec.topics[0][1],
         )
 
     def _read_in_frame(self, spec: SensorSpec) -> Struct | None:
         """Return the message of a sensor, if it belongs to the frame; the others are delivered behind it."""
-        message = self._read(spec)
+        message = spec.read(self._shared, self.ego, 0) if spec.is_on_each_ego else None
         if message is not None:
             for mounted in self.sensors:
                 if mounted.spec is spec:

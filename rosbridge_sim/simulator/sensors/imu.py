@@ -10,16 +10,31 @@ from typing import ClassVar
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.sensors.sensor import Sensor
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_files import imu_text
-from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise, covariance
+from rosbridge_sim.simulator.sensors.sensor_noise import covariance
 from rosbridge_sim.simulator.sensors.sensor_specs import IMU_FRAME, SensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import feel
 
-__all__ = ["Imu", "ImuSpec"]
+__all__ = ["ImuSpec"]
+
+
+class _Maker:
+    """What makes the messages of all inertial units of a simulator."""
+
+    def __init__(self, store: Store) -> None:
+        self.make = maker(
+            store,
+            ImuSpec.type_name,
+            *("header", "orientation", "orientation_covariance"),
+            *("angular_velocity", "angular_velocity_covariance"),
+            *("linear_acceleration", "linear_acceleration_covariance"),
+        )
+        self.vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self.quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
 
 class ImuSpec(SensorSpec, frozen=True, kw_only=True):
@@ -29,59 +44,32 @@ class ImuSpec(SensorSpec, frozen=True, kw_only=True):
     is_on_each_ego: ClassVar[bool] = True
     frame_id: ClassVar[str] = IMU_FRAME
     topic: ClassVar[str] = "/imu"
-    rate: ClassVar[float] = USUAL_RATE
-
-    @property
-    def topics(self) -> list[tuple[str, str]]:
-        """Its one topic."""
-        return [(self.topic, Imu.type_name)]
-
-
-class Imu(Sensor):
-    """The inertial unit."""
-
-    title: ClassVar[str] = "IMU"
-    frame: ClassVar[str] = IMU_FRAME
-    topic: ClassVar[str] = "imu"
     type_name: ClassVar[str] = "sensor_msgs/Imu"
+    rate: ClassVar[float] = USUAL_RATE
+    file_name: ClassVar[str] = "IMU_{}.csv"
 
-    def __init__(self, context: SimulatorContext, noise: SensorNoise | None) -> None:
-        """Read nothing yet; see `Sensor`."""
-        super().__init__(context, noise)
-        store = context.bus.store
-        self._make_imu = maker(
-            store,
-            self.type_name,
-            *("header", "orientation", "orientation_covariance"),
-            *("angular_velocity", "angular_velocity_covariance"),
-            *("linear_acceleration", "linear_acceleration_covariance"),
-        )
-        self._make_vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._make_quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+    def read(self, shared: SensorContext, ego: Ego, number: int = 0) -> Struct | None:  # noqa: ARG002 - it has one topic
+        """Return the readings, in the frame of the unit; None if the noise of the settings loses them."""
+        errors = shared.errors(ego)
+        return None if errors is not None and errors.is_imu_lost() else self._feel(shared, ego)
 
-    def read(self, ego: Ego) -> Struct:
-        """Return the readings of the inertial unit, in its own frame."""
-        reading = feel(self._context.world, ego.row, ego.mountings[self.frame])
-        vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros mean an unknown covariance
-        about_axes = about_rates = about_accel = unknown
-        if self._noise is not None:
-            reading, imu = self._source(self._noise, ego).feel(reading), self._noise.imu
+    def _feel(self, shared: SensorContext, ego: Ego) -> Struct:
+        make = shared.once(_Maker)
+        reading = feel(shared.simulator.world, ego.row, ego.mountings[self.frame_id])
+        about_axes = about_rates = about_accel = [0.0] * 9  # by convention, all zeros mean an unknown covariance
+        errors = shared.errors(ego)
+        if errors is not None:
+            reading, imu = errors.feel(reading), errors.noise.imu
             about_axes = covariance(imu.roll_pitch.variance, imu.roll_pitch.variance, imu.yaw.variance)
             about_rates = covariance(*[imu.angular_velocity.variance] * 3)
             about_accel = covariance(*[imu.acceleration.variance] * 3)
-        return self._make_imu(
-            self._header(ego),
-            *(self._make_quaternion(*reading.orientation), about_axes),
-            *(vector(*reading.angular_velocity), about_rates),
-            *(vector(*reading.acceleration), about_accel),
+        return make.make(
+            shared.header(ego, self.frame_id),
+            *(make.quaternion(*reading.orientation), about_axes),
+            *(make.vector(*reading.angular_velocity), about_rates),
+            *(make.vector(*reading.acceleration), about_accel),
         )
 
-    def read_unless_lost(self, ego: Ego) -> Struct | None:
-        """Return the readings; None if the noise of the settings loses them."""
-        if self._noise is not None and self._source(self._noise, ego).is_imu_lost():
-            return None
-        return self.read(ego)
-
-    def file(self, frame: int, message: Struct) -> bytes:
+    def file(self, shared: SensorContext, ego: Ego) -> bytes:
         """Return IMU_*.csv."""
-        return imu_text(frame, message)
+        return imu_text(shared.simulator.world.frame, self._feel(shared, ego))

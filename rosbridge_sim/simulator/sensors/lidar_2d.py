@@ -2,23 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import lru_cache
 from typing import Annotated, ClassVar, Final
 
+import numpy as np
 from msgspec import Meta
 
 from rosbridge_sim.documents import number_spelling
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.scenery.mesh import Mesh
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
+from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
+from rosbridge_sim.simulator.sensors.lidar_sweep import Beams, beams_2d
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     MAX_RAYS,
+    Cost,
     FrameId,
-    MountedSpec,
     Near,
     Range,
     TopicName,
-    check_ranges,
 )
 
-__all__ = ["Lidar2dSpec"]
+__all__ = ["Lidar2dSpec", "Scan"]
 
 MAX_SCAN: Final = 4_096
 """Ranges of a LaserScan: they are numbers of a text in JSON, 0.1 us each."""
@@ -27,7 +37,23 @@ _Count = Annotated[int, number_spelling(1, MAX_SCAN, "integer"), Meta(ge=1, le=M
 _Index = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
 
 
-class Lidar2dSpec(MountedSpec, frozen=True, kw_only=True):
+class Scan(Result, eq=False):
+    """Ranges of a turn; inf where nothing is in range [m], and intensities."""
+
+    ranges: list[float]
+    intensities: list[float]
+
+
+def _maker(store: Store) -> Callable[..., Struct]:
+    return maker(
+        store,
+        Lidar2dSpec.type_name,
+        *("header", "angle_min", "angle_max", "angle_increment", "time_increment", "scan_time"),
+        *("range_min", "range_max", "ranges", "intensities"),
+    )
+
+
+class Lidar2dSpec(LidarSpec, frozen=True, kw_only=True):
     """A lidar with one level ring; a message is a LaserScan of a full turn.
 
     Attributes:
@@ -37,7 +63,7 @@ class Lidar2dSpec(MountedSpec, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "lidar2d"
-    is_drawn: ClassVar[bool] = True
+    type_name: ClassVar[str] = "sensor_msgs/LaserScan"
     frame_id: FrameId = "lidar2D"
     topic: TopicName = "/lidar2D"
     num_values: _Count = 360
@@ -46,14 +72,9 @@ class Lidar2dSpec(MountedSpec, frozen=True, kw_only=True):
     max_range: Range = 30.0
 
     @property
-    def topics(self) -> list[tuple[str, str]]:
-        """Its one topic."""
-        return [(self.topic, "sensor_msgs/LaserScan")]
-
-    @property
-    def num_rays(self) -> int:
+    def cost(self) -> Cost:
         """Rays of a turn."""
-        return self.num_values
+        return Cost(num_rays=self.num_values)
 
     def check(self) -> None:
         """Check that the options fit each other; see `SensorSpec.check`."""
@@ -61,4 +82,40 @@ class Lidar2dSpec(MountedSpec, frozen=True, kw_only=True):
             raise FieldError(
                 f"{self.frame_id}.ahead: expected an index below num_values = {self.num_values}, got {self.ahead}"
             )
-        check_ranges(self.frame_id, self.min_range, self.max_range)
+        super().check()
+
+    @property
+    def beams(self) -> Beams:
+        """Beams of a turn."""
+        return _beams(self.num_values, self.ahead, 1.0 / self.rate)
+
+    def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Scan:
+        """Return the ranges of a turn; see `DrawnSpec.see`."""
+        echoes = self._echoes(sight, static, job, makers)
+        is_found = (echoes.ranges >= self.min_range) & (echoes.ranges <= self.max_range)
+        ranges = np.where(is_found, echoes.ranges, np.float32(np.inf))
+        return Scan(ranges.tolist(), np.where(is_found, echoes.intensities, np.float32(0.0)).tolist())
+
+    def show(self, shared: SensorContext, number: int, header: Struct, result: Result) -> Struct | None:  # noqa: ARG002 - it has one topic
+        """Return the LaserScan of a turn; see `DrawnSpec.show`."""
+        assert isinstance(result, Scan), "it is of this kind"
+        step = 6.283185307179586 / self.num_values
+        period = 1.0 / self.rate
+        first = -step * self.ahead
+        return shared.once(_maker)(
+            header,
+            first,
+            first + step * (self.num_values - 1),
+            step,
+            period / self.num_values,
+            period,
+            self.min_range,
+            self.max_range,
+            result.ranges,
+            result.intensities,
+        )
+
+
+@lru_cache(maxsize=4)  # 34 MB each at most
+def _beams(num_values: int, ahead: int, period: float) -> Beams:
+    return beams_2d(num_values, ahead, period)

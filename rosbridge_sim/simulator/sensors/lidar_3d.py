@@ -2,40 +2,84 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import lru_cache
 from typing import Annotated, ClassVar, Final, Literal
 
+import numpy as np
 from msgspec import Meta
 
 from rosbridge_sim.documents import number_spelling
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
+from rosbridge_sim.scenery.mesh import Mesh
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
+from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
+from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Beams, beams_3d, pack_points
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     MAX_RAYS,
+    Cost,
     FrameId,
-    MountedSpec,
     Near,
     Range,
     TopicName,
-    check_ranges,
 )
 
-__all__ = ["POINT_BYTES", "Lidar3dSpec"]
+__all__ = ["Cloud", "Lidar3dSpec"]
 
 MAX_RINGS: Final = 256
 """Rings of one lidar."""
 
-POINT_BYTES: Final = 22
-"""Bytes of a point of a PointCloud2."""
-
 _NAMES: Final = ("/lidar3D", "/velodyne_points")
 """Two names for the messages of a 3D lidar: MORAI's own, and that of the velodyne driver, which most programs use."""
+
+_FLOAT32, _UINT16 = 7, 4
+"""Types of a `PointField`."""
 
 _Elevation = Annotated[float, number_spelling(-90.0, 90.0), Meta(ge=-90.0, le=90.0)]
 _Columns = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
 
 
-class Lidar3dSpec(MountedSpec, frozen=True, kw_only=True):
+class Cloud(Result, eq=False):
+    """Points of a turn.
+
+    Attributes:
+        data: of `POINT_TYPE`.
+        num: points.
+        file: x, y, z and intensity as float32 for a file; empty if it was not wanted.
+    """
+
+    data: bytes
+    num: int
+    file: bytes = b""
+
+
+class _Maker:
+    """What makes the messages of all 3D lidars of a simulator."""
+
+    def __init__(self, store: Store) -> None:
+        self._cloud = maker(
+            store,
+            Lidar3dSpec.type_name,
+            *("header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense"),
+        )
+        field = maker(store, "sensor_msgs/PointField", "name", "offset", "datatype", "count")
+        assert POINT_TYPE.fields is not None, "it has fields"
+        self._fields = [
+            field(name, POINT_TYPE.fields[name][1], _UINT16 if name == "ring" else _FLOAT32, 1)
+            for name in POINT_TYPE.names or ()
+        ]
+
+    def make(self, header: Struct, cloud: Cloud) -> Struct:
+        """Return the PointCloud2 of a turn."""
+        step = POINT_TYPE.itemsize
+        return self._cloud(header, 1, cloud.num, self._fields, False, step, step * cloud.num, cloud.data, True)  # noqa: FBT003 - fields of the message
+
+
+class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
     """A lidar that turns, with one beam for each ring.
 
     Attributes:
@@ -46,7 +90,7 @@ class Lidar3dSpec(MountedSpec, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "lidar3d"
-    is_drawn: ClassVar[bool] = True
+    type_name: ClassVar[str] = "sensor_msgs/PointCloud2"
     frame_id: FrameId = "velodyne"
     topic: TopicName = "/lidar3D"
     model: Literal["VLP-16", "HDL-32E", "OS1-64", "OS1-128", "own"] = "VLP-16"
@@ -69,22 +113,13 @@ class Lidar3dSpec(MountedSpec, frozen=True, kw_only=True):
     def topics(self) -> list[tuple[str, str]]:
         """All names of its one message."""
         names = _NAMES if self.topic in _NAMES else (self.topic,)
-        return [(name, "sensor_msgs/PointCloud2") for name in names]
+        return [(name, self.type_name) for name in names]
 
     @property
-    def second_names(self) -> Sequence[str]:
-        """Names of its message beside the topic."""
-        return [name for name, _ in self.topics if name != self.topic]
-
-    @property
-    def num_rays(self) -> int:
-        """Rays of a turn."""
-        return self.num_rings * self.num_columns
-
-    @property
-    def raw_bytes(self) -> int:
-        """Bytes of all points of a turn."""
-        return POINT_BYTES * self.num_rays
+    def cost(self) -> Cost:
+        """Rays and points of a turn."""
+        num = self.num_rings * self.num_columns
+        return Cost(num_rays=num, num_bytes=num * POINT_TYPE.itemsize)
 
     def check(self) -> None:
         """Check that the options fit each other; see `SensorSpec.check`."""
@@ -93,4 +128,34 @@ class Lidar3dSpec(MountedSpec, frozen=True, kw_only=True):
             raise FieldError(f"{where}.elevations: expected angles for model 'own', and none for any other model")
         if any(high <= low for low, high in zip(self.elevations, self.elevations[1:], strict=False)):
             raise FieldError(f"{where}.elevations: expected angles that grow, from the lowest to the highest")
-        check_ranges(where, self.min_range, self.max_range)
+        super().check()
+
+    @property
+    def beams(self) -> Beams:
+        """Beams of a turn."""
+        angles = self.elevations if self.model == "own" else LIDAR_MODELS[self.model].elevations_deg
+        return _beams(angles, self.num_columns, 1.0 / self.rate)
+
+    @property
+    def file_name(self) -> str:
+        """Name of its file in a capture; see `SensorSpec.file_name`."""
+        return f"LIDAR_{self.frame_id}_{{}}.bin"
+
+    def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Cloud:
+        """Return the points of a turn; see `DrawnSpec.see`."""
+        echoes = self._echoes(sight, static, job, makers)
+        data, num = pack_points(echoes, self.beams, self.min_range, self.max_range)
+        file = b""
+        if sight.is_for_file:
+            file = np.frombuffer(data, dtype=np.uint8).reshape(num, -1)[:, :16].tobytes()
+        return Cloud(data, num, file)
+
+    def show(self, shared: SensorContext, number: int, header: Struct, result: Result) -> Struct | None:  # noqa: ARG002 - all have one message
+        """Return the message of a turn; see `DrawnSpec.show`."""
+        assert isinstance(result, Cloud), "it is of this kind"
+        return shared.once(_Maker).make(header, result)
+
+
+@lru_cache(maxsize=4)  # 34 MB each at most
+def _beams(elevations_deg: tuple[float, ...], num_columns: int, period: float) -> Beams:
+    return beams_3d(np.radians(elevations_deg), num_columns, period)

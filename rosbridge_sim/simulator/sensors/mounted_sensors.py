@@ -22,12 +22,11 @@ import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, Reason
 from rosbridge_sim.graph.participant import Participant, check_publishing
-from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
@@ -40,19 +39,11 @@ from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
-from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Result, Scan, SensorWorker, Shot, Sight, drawn_of
-from rosbridge_sim.simulator.sensors.drawn_errors import disturb_radar
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker, Sight, drawn_of
 from rosbridge_sim.simulator.sensors.ego_rig import EgoRig, MountedSensor, is_wanted
-from rosbridge_sim.simulator.sensors.gps import Gps
-from rosbridge_sim.simulator.sensors.imu import Imu
-from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
-from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
-from rosbridge_sim.simulator.sensors.radar import RadarSpec
-from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
-from rosbridge_sim.simulator.sensors.sensor_messages import SensorMessages
-from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource, SensorNoise
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
+from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, text_of
 from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig, SensorSpec, is_due, num_due
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, check_rig, complete
@@ -82,11 +73,7 @@ class _Plan:
 
 
 class MountedSensors(Component):
-    """The component of all sensors.
-
-    Attributes:
-        frame_sensors: those that are published with their frame, by their names.
-    """
+    """The component of all sensors."""
 
     def __init__(
         self,
@@ -112,8 +99,7 @@ class MountedSensors(Component):
         """
         self._context = context
         self._start_rig = complete(rig)
-        self._noise = noise
-        self.frame_sensors = {sensor.frame: sensor(context, noise) for sensor in (Gps, Imu)}
+        self._shared = SensorContext(context, noise)
         self._worker = worker
         self._weather = weather or WeatherControl(context)
         self._is_dressed = is_dressed
@@ -129,15 +115,11 @@ class MountedSensors(Component):
         context.hooks.on_reset.append(self._reset)
         context.hooks.on_restore.append(self._forget_jobs)
 
-    @cached_property
-    def _messages(self) -> SensorMessages:
-        return SensorMessages(self._context.bus.store)
-
     # The topics
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:  # noqa: ARG002 - those of the context
         """Give the ego the rig of the start."""
-        rig = self._rigs[ego.index] = EgoRig(self._context, ego, prefix, partial(self._read_in_frame, ego))
+        rig = self._rigs[ego.index] = EgoRig(self._shared, ego, prefix)
         rig.mount(self._start_rig, 0.0)
 
     def has_topic_like(self, type_name: str) -> bool:
@@ -187,11 +169,6 @@ class MountedSensors(Component):
                     text = f"{spec.frame_id}: topic {name} is published by {owner.name}; choose another one"
                     raise GraphError(text, reason=Reason.NAME_TAKEN)
 
-    def _read_in_frame(self, ego: Ego, spec: SensorSpec) -> Struct | None:
-        """Return the message of a sensor that is published with its frame; None for another one, and for a lost one."""
-        sensor = self.frame_sensors.get(spec.frame_id)
-        return None if sensor is None else sensor.read_unless_lost(ego)
-
     # The frames
 
     def _egos_with_sensors(self) -> Iterator[tuple[Ego, EgoRig]]:
@@ -208,7 +185,7 @@ class MountedSensors(Component):
             _log.warning("%s", self.why_slow)
         for _, rig in self._egos_with_sensors():
             for mounted in rig.behind:
-                if isinstance(mounted.spec, RadarSpec):
+                if mounted.spec.has_turns:
                     i += 1
                     if (frame + i) % num_turns == 0:
                         num = num_due(rig.rate_of(mounted), frame, num_turns)
@@ -222,7 +199,7 @@ class MountedSensors(Component):
 
     @property
     def _num_radars(self) -> int:
-        return sum(isinstance(one.spec, RadarSpec) for _, rig in self._egos_with_sensors() for one in rig.behind)
+        return sum(one.spec.has_turns for _, rig in self._egos_with_sensors() for one in rig.behind)
 
     @property
     def _num_turns(self) -> int:
@@ -254,84 +231,57 @@ class MountedSensors(Component):
                     self._submit(worker, plan, seen, is_tick=is_tick)
 
     def _plan(self, ego: Ego, rig: EgoRig, is_free: bool, now: float) -> _Plan:  # noqa: FBT001 - by position
-        """Read the radars of an ego that are owed; return what is to be drawn for its other sensors."""
+        """Read the sensors of an ego that are owed; return what is to be drawn for them."""
         plan = _Plan()
         for mounted in rig.behind:
-            spec = mounted.spec
             if not mounted.is_owed:
                 continue
+            spec = mounted.spec
             wanted = [is_wanted(publisher) for publisher in mounted.publishers]
-            is_read_now = is_free or isinstance(spec, RadarSpec)
             if not any(wanted) or self._is_lost(ego, spec):
                 mounted.is_owed = False
-            elif is_read_now:
+            elif is_free or not isinstance(spec, DrawnSpec):
                 mounted.is_owed = False
-                if isinstance(spec, RadarSpec):
-                    self._read_radar(ego, mounted, spec, now)
-                elif self._worker is not None:
-                    self._add(plan, ego, mounted, wanted, now)
+                self._read(plan, ego, mounted, wanted, now)
         return plan
-
-    def _read_radar(self, ego: Ego, mounted: MountedSensor, spec: RadarSpec, now: float) -> None:
-        world = self._context.world
-        carrier = world, ego.row, ego.mountings[spec.frame_id]
-        echoes = find_echoes(*carrier, spec)
-        errors = self._errors_of(ego)
-        if errors is not None:
-            echoes = disturb_radar(echoes, carrier, spec, errors.noise.radar, errors.generator(spec.frame_id))
-        mounted.frames.append(world.frame)
-        self._context.publishers.deliver(
-            mounted.publishers[0], self._messages.radar(self._header(ego, spec), echoes), now
-        )
-
-    def _errors_of(self, ego: Ego) -> NoiseSource | None:
-        """Return the errors of an ego's sensors in this frame; None without any."""
-        world = self._context.world
-        if self._noise is None:
-            return None
-        return NoiseSource(self._noise, world.seed, world.uid.item(ego.row), world.frame)
 
     def _is_lost(self, ego: Ego, spec: SensorSpec) -> bool:
         """Return whether the noise of the settings loses the messages of a sensor in this frame."""
-        errors = self._errors_of(ego)
-        if errors is None:
-            return False
-        noise = errors.noise
-        if isinstance(spec, CameraSpec):
-            return errors.is_lost(spec.frame_id, noise.camera.lost)
-        return errors.is_lost(spec.frame_id, noise.radar.lost if isinstance(spec, RadarSpec) else noise.lidar.lost)
+        errors = self._shared.errors(ego)
+        return errors is not None and errors.is_lost(spec.frame_id, spec.lost_share(errors.noise))
 
-    def _header(self, ego: Ego, spec: SensorSpec) -> Struct:
-        return self._context.convert.header(self._context.world.frame, frame_prefix(ego) + spec.frame_id)
-
-    def _add(self, plan: _Plan, ego: Ego, mounted: MountedSensor, wanted: Sequence[bool], now: float) -> None:
-        """Add what a sensor sees to a job, and what becomes of it."""
-        spec = mounted.spec
-        assert isinstance(spec, CameraSpec | Lidar3dSpec | Lidar2dSpec), "others are read at once"
-        header, frame = self._header(ego, spec), self._context.world.frame
-        has_boxes = False
-        if isinstance(spec, CameraSpec):
-            if wanted[1]:
-                self._context.publishers.deliver(mounted.publishers[1], self._messages.camera_info(spec, header), now)
-            if not (wanted[0] or any(wanted[2:])):
-                mounted.frames.append(frame)
-                return
-            has_boxes = any(wanted[2:])
+    def _read(self, plan: _Plan, ego: Ego, mounted: MountedSensor, wanted: Sequence[bool], now: float) -> None:
+        """Publish what needs no drawing; add the rest to a job, and what becomes of it."""
+        spec, shared, deliver = mounted.spec, self._shared, self._context.publishers.deliver
+        frame, is_complete = self._context.world.frame, True
+        for i, publisher in enumerate(mounted.publishers):
+            message = spec.read(shared, ego, i) if wanted[i] else None
+            if message is not None:
+                deliver(publisher, message, now)
+            elif wanted[i]:
+                is_complete = False
+        if is_complete or not isinstance(spec, DrawnSpec):
+            mounted.frames.append(frame)
+            return
+        header = shared.header(ego, spec.frame_id)
 
         def finish(result: Result, now: float) -> None:
             mounted.frames.append(frame)
-            self._publish(mounted, header, result, now)
+            for i, publisher in enumerate(mounted.publishers):
+                message = spec.show(shared, i, header, result) if is_wanted(publisher) else None
+                if message is not None:
+                    deliver(publisher, message, now)
 
-        errors = self._errors_of(ego)
-        plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, has_boxes=has_boxes, errors=errors))
+        plan.sights.append(self._sight(ego, spec, wanted=wanted))
         plan.finishes.append(finish)
 
-    def _motion(self, ego: Ego, spec: SensorSpec) -> Motion:
+    def _sight(self, ego: Ego, spec: DrawnSpec, *, wanted: Sequence[bool] = (), is_for_file: bool = False) -> Sight:
         world, row, mounting = self._context.world, ego.row, ego.mountings[spec.frame_id]
         place = (world.x, world.y, world.z, world.roll, world.pitch, world.yaw)
         vehicle = Pose(*(column.item(row) for column in place))
         own = Pose(*mounting.place, mounting.roll, mounting.pitch, mounting.yaw)
-        return Motion(vehicle, own, world.speed.item(row), world.yaw_rate.item(row))
+        motion = Motion(vehicle, own, world.speed.item(row), world.yaw_rate.item(row))
+        return Sight(spec, motion, ego.index, wanted, is_for_file=is_for_file, errors=self._shared.errors(ego))
 
     def job_of(self, sights: Sequence[Sight], seen: SceneFrame | None = None) -> DrawingJob:
         """Return the job of drawing the scene as some sensors see it.
@@ -395,29 +345,13 @@ class MountedSensors(Component):
             _log.error("cameras and lidars cannot be served: %s", error)
         self._num_failures += 1
 
-    def _publish(self, mounted: MountedSensor, header: Struct, result: Result, now: float) -> None:
-        """Publish what a sensor has seen, on those of its topics that are still there."""
-        spec, messages, deliver = mounted.spec, self._messages, self._context.publishers.deliver
-        own = mounted.publishers
-        if isinstance(result, Shot):
-            assert isinstance(spec, CameraSpec), "a picture is of a camera"
-            if is_wanted(own[0]):
-                deliver(own[0], messages.picture(spec, header, result), now)
-            if result.boxes is not None and is_wanted(own[2]):
-                deliver(own[2], messages.boxes(header, result.boxes), now)
-            for publisher in own[3:]:
-                if result.boxes is not None and is_wanted(publisher):
-                    deliver(publisher, messages.detections_of(publisher.type_name, header, result.boxes), now)
-        elif isinstance(result, Scan):
-            assert isinstance(spec, Lidar2dSpec), "ranges are of a 2D lidar"
-            deliver(own[0], messages.scan(spec, header, result), now)
-        elif isinstance(result, Cloud):
-            cloud = messages.cloud(header, result)
-            for publisher in own:
-                if is_wanted(publisher):
-                    deliver(publisher, cloud, now)
-
     # Files
+
+    def read_files(self, ego: Ego) -> dict[str, bytes]:
+        """Return the files of the sensors of an ego that need no drawing, by their names; see `draw_files`."""
+        prefix, specs = frame_prefix(ego), self.rig_of(ego).specs
+        read = [spec for spec in specs if spec.file_name and not isinstance(spec, DrawnSpec)]
+        return {prefix + spec.file_name: spec.file(self._shared, ego) for spec in read}
 
     def draw_files(self, ego: Ego, then: Callable[[Mapping[str, bytes] | Exception, float], None]) -> bool:
         """Have the cameras and 3D lidars of an ego drawn for files: the frame of now.
@@ -433,9 +367,7 @@ class MountedSensors(Component):
             DocumentError: too many captures are being drawn already.
         """
         rig, worker = self._rigs.get(ego.index), self._worker
-        specs = (
-            [] if rig is None else [one.spec for one in rig.behind if isinstance(one.spec, CameraSpec | Lidar3dSpec)]
-        )
+        specs = [] if rig is None else [spec for spec in drawn_of(rig.specs) if spec.file_name]
         if worker is None or not specs:
             return False
         if self._num_captures >= MAX_CAPTURES:
@@ -444,11 +376,8 @@ class MountedSensors(Component):
         prefix = frame_prefix(ego)
         plan, files = _Plan(), dict[str, bytes]()
         for spec in specs:
-            errors = self._errors_of(ego)
-            plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, is_for_file=True, errors=errors))
-            is_camera = isinstance(spec, CameraSpec)
-            kind, suffix = ("CAMERA", "jpeg") if is_camera else ("LIDAR", "bin")
-            plan.finishes.append(partial(_keep_file, files, f"{prefix}{kind}_{spec.frame_id}_{{}}.{suffix}"))
+            plan.sights.append(self._sight(ego, spec, is_for_file=True))
+            plan.finishes.append(partial(_keep_file, files, prefix + spec.file_name))
 
         def end(error: Exception | None, now: float) -> None:
             self._num_captures -= 1
@@ -518,5 +447,4 @@ def _saved_rigs(data: PlainData) -> dict[int, Rig]:
 
 def _keep_file(files: dict[str, bytes], name: str, result: Result, _now: float) -> None:
     """Keep the bytes of a file."""
-    assert not isinstance(result, Scan), "it has no file"
     files[name] = result.file

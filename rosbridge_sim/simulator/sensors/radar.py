@@ -2,19 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
-from msgspec import Meta
-
-from rosbridge_sim.documents import number_spelling
-from rosbridge_sim.simulator.sensors.sensor_specs import Fov, FrameId, MountedSpec, Range, Rate, TopicName
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sensors.drawn_errors import disturb_radar
+from rosbridge_sim.simulator.sensors.radar_echoes import RadarBeams, RadarEchoes, find_echoes
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
+from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
+from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, Rate, TopicName
 
 __all__ = ["RadarSpec"]
 
-_Echoes = Annotated[int, number_spelling(1, 1000, "integer"), Meta(ge=1, le=1000)]
+
+class _Maker:
+    """What makes the messages of all radars of a simulator."""
+
+    def __init__(self, store: Store) -> None:
+        self._detections = maker(store, RadarSpec.type_name, "header", "detections")
+        self._detection = maker(
+            store, "morai_msgs/RadarDetection", "detection_id", "position", "azimuth", "rangerate", "amplitude"
+        )
+        self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
+
+    def make(self, header: Struct, echoes: RadarEchoes) -> Struct:
+        """Return the RadarDetections of a scan."""
+        columns = (echoes.azimuth, echoes.range_rate, echoes.amplitude)
+        rows = zip(echoes.position.tolist(), *(column.tolist() for column in columns), strict=True)
+        return self._detections(
+            header,
+            [self._detection(i, self._point(*place), *figures) for i, (place, *figures) in enumerate(rows)],
+        )
 
 
-class RadarSpec(MountedSpec, frozen=True, kw_only=True):
+class RadarSpec(RadarBeams, frozen=True, kw_only=True):
     """A radar with a wide beam for what is near and a narrow beam for what is far.
 
     The defaults are our choice, of the class of a car's 77 GHz radar with two beams.
@@ -27,17 +50,20 @@ class RadarSpec(MountedSpec, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "radar"
+    type_name: ClassVar[str] = "morai_msgs/RadarDetections"
+    has_turns: ClassVar[bool] = True
     frame_id: FrameId = "radar"
     topic: TopicName = "/radar"
     rate: Rate = 20.0
-    near_range: Range = 60.0
-    far_range: Range = 174.0
-    near_fov: Fov = 90.0
-    far_fov: Fov = 20.0
-    vertical_fov: Fov = 10.0
-    max_echoes: _Echoes = 64
 
-    @property
-    def topics(self) -> list[tuple[str, str]]:
-        """Its one topic."""
-        return [(self.topic, "morai_msgs/RadarDetections")]
+    def lost_share(self, noise: SensorNoise) -> float:
+        """Return the share of the messages that are lost."""
+        return noise.radar.lost
+
+    def read(self, shared: SensorContext, ego: Ego, number: int) -> Struct | None:  # noqa: ARG002 - it has one topic
+        """Return the echoes of this frame."""
+        carrier = shared.simulator.world, ego.row, ego.mountings[self.frame_id]
+        echoes, errors = find_echoes(*carrier, self), shared.errors(ego)
+        if errors is not None:
+            echoes = disturb_radar(echoes, carrier, self, errors.noise.radar, errors.generator(self.frame_id))
+        return shared.once(_Maker).make(shared.header(ego, self.frame_id), echoes)

@@ -21,17 +21,19 @@ vehicles. It is positive when the distance grows.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
+from msgspec import Meta
 
+from rosbridge_sim.documents import number_spelling
 from rosbridge_sim.records import Record
-from rosbridge_sim.simulator.sensors.radar import RadarSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import Fov, MountedSpec, Range
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion, Vector, chain, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, locate
 
-__all__ = ["RadarEchoes", "find_echoes", "own_velocity"]
+__all__ = ["RadarBeams", "RadarEchoes", "find_echoes", "own_velocity"]
 
 _CLASS: Final = {Kind.EGO: 10.0, Kind.VEHICLE: 10.0, Kind.PEDESTRIAN: -8.0, Kind.OBSTACLE: 0.0}
 _BICYCLE: Final = -3.0
@@ -56,8 +58,20 @@ MIN_VISIBLE: Final = 0.1
 MAX_COMPARED: Final = 300
 """Boxes that may hide each other or give echoes, the nearest first; the others are out of sight in any such crowd."""
 
+_Echoes = Annotated[int, number_spelling(1, 1000, "integer"), Meta(ge=1, le=1000)]
 
 _UNITS: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class RadarBeams(MountedSpec, frozen=True, kw_only=True):
+    """Options of a radar; see `RadarSpec`."""
+
+    near_range: Range = 60.0
+    far_range: Range = 174.0
+    near_fov: Fov = 90.0
+    far_fov: Fov = 20.0
+    vertical_fov: Fov = 10.0
+    max_echoes: _Echoes = 64
 
 
 class RadarEchoes(Record):
@@ -80,7 +94,7 @@ class RadarEchoes(Record):
     amplitude: FloatArray
 
 
-def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarSpec) -> RadarEchoes:
+def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarBeams) -> RadarEchoes:
     """Return the echoes of all other entities.
 
     Args:

@@ -13,16 +13,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import Annotated, ClassVar, Final, TypeAlias
+from typing import Annotated, ClassVar, Final, NamedTuple, TypeAlias
 
 from msgspec import Meta
 
 from rosbridge_sim.documents import Document, Spelling, number_spelling
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP
+from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
+from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = [
@@ -31,6 +33,7 @@ __all__ = [
     "IMU_FRAME",
     "MAX_LEVER",
     "MAX_RAYS",
+    "Cost",
     "Fov",
     "FrameId",
     "MountedSpec",
@@ -40,7 +43,6 @@ __all__ = [
     "Rig",
     "SensorSpec",
     "TopicName",
-    "check_ranges",
     "is_due",
     "num_due",
 ]
@@ -96,6 +98,20 @@ Near = Annotated[float, number_spelling(0.0, MAX_RANGE), Meta(ge=0.0, le=MAX_RAN
 Fov = Annotated[float, number_spelling(1.0, MAX_FOV), Meta(ge=1.0, le=MAX_FOV)]
 
 
+class Cost(NamedTuple):
+    """What a message of a sensor takes.
+
+    Attributes:
+        num_pixels: of a picture.
+        num_rays: of a turn.
+        num_bytes: of a raw picture, or of all points of a turn.
+    """
+
+    num_pixels: int = 0
+    num_rays: int = 0
+    num_bytes: int = 0
+
+
 class SensorSpec(Document, frozen=True, kw_only=True):
     """One sensor of an ego.
 
@@ -104,15 +120,17 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         roll, pitch, yaw: orientation [deg]; a positive pitch looks down, a positive yaw to the left.
 
         kind: name of the kind in files.
+        type_name: type of the messages of a kind with one topic.
         is_on_each_ego: each ego has one, and it is published with the frame; `--rate` has its rate.
-        is_drawn: it needs the scene as triangles.
         is_picture: it has pictures, and so an optical frame.
+        has_turns: a frame reads a bounded number of them, so that each has its turn.
     """
 
     kind: ClassVar[str] = ""
+    type_name: ClassVar[str] = ""
     is_on_each_ego: ClassVar[bool] = False
-    is_drawn: ClassVar[bool] = False
     is_picture: ClassVar[bool] = False
+    has_turns: ClassVar[bool] = False
     x: _Metres = 0.0
     y: _Metres = 0.0
     z: _Metres = 0.0
@@ -147,28 +165,18 @@ class SensorSpec(Document, frozen=True, kw_only=True):
 
     @property
     def topics(self) -> list[tuple[str, str]]:
-        """Its topics, each with its type."""
-        raise NotImplementedError
+        """Its topics, each with its type; a later one with the type of the first is another name of its messages."""
+        return [(self.topic, self.type_name)]
 
     @property
-    def second_names(self) -> Sequence[str]:
-        """Those of the topics that have the messages of another one."""
-        return ()
+    def cost(self) -> Cost:
+        """What a message takes."""
+        return Cost()
 
     @property
-    def num_pixels(self) -> int:
-        """Pixels of a picture; 0 for a sensor without pictures."""
-        return 0
-
-    @property
-    def num_rays(self) -> int:
-        """Rays of a turn; 0 for a sensor without rays."""
-        return 0
-
-    @property
-    def raw_bytes(self) -> int:
-        """Bytes of a raw picture or of all points of a turn; 0 for a sensor that has neither."""
-        return 0
+    def file_name(self) -> str:
+        """Name of its file in a capture, with `{}` for the name of the capture; empty for none."""
+        return ""
 
     def check(self) -> None:
         """Check that the options fit each other.
@@ -176,6 +184,27 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         Raises:
             FieldError: they do not.
         """
+
+    def lost_share(self, noise: SensorNoise) -> float:  # noqa: ARG002 - for kinds that lose some
+        """Return the share of the messages that are lost."""
+        return 0.0
+
+    def read(self, shared: SensorContext, ego: Ego, number: int) -> Struct | None:
+        """Return the message of this frame on one of the topics.
+
+        Args:
+            shared: of the simulator.
+            ego: has the sensor.
+            number: of the topic in `topics`.
+
+        Returns:
+            A generated struct; None if there is none, or none before the sensor is drawn.
+        """
+        raise NotImplementedError
+
+    def file(self, shared: SensorContext, ego: Ego) -> bytes:
+        """Return the contents of `file_name` at this frame; what is drawn has them in its result."""
+        raise NotImplementedError
 
 
 class MountedSpec(SensorSpec, frozen=True, kw_only=True):
@@ -194,16 +223,6 @@ class MountedSpec(SensorSpec, frozen=True, kw_only=True):
 
 Rig: TypeAlias = tuple[SensorSpec, ...]
 """The sensors of an ego, in the order of their numbers; `complete` adds a GPS and an IMU that nobody has moved."""
-
-
-def check_ranges(where: str, min_range: float, max_range: float) -> None:
-    """Check the nearest and the farthest echo of a lidar [m].
-
-    Raises:
-        FieldError: there is nothing between them.
-    """
-    if min_range >= max_range:
-        raise FieldError(f"{where}.min_range: expected less than max_range = {max_range:g}, got {min_range:g}")
 
 
 def is_due(rate: float, frame: int) -> bool:

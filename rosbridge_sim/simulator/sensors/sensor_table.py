@@ -62,15 +62,13 @@ def check_rig(rig: Sequence[SensorSpec]) -> None:
     num = sum(not spec.is_on_each_ego for spec in rig)
     if num > MAX_SENSORS:
         raise FieldError(f"sensors: expected at most {MAX_SENSORS} for an ego, got {num}")
-    num_pixels = sum(spec.num_pixels for spec in rig)
+    num_pixels, num_rays, num_bytes = (sum(spec.cost[i] for spec in rig) for i in range(3))
     if num_pixels > MAX_PIXELS:
         raise FieldError(f"cameras: expected at most {MAX_PIXELS:,} pixels for all of an ego, got {num_pixels:,}")
     for spec in rig:
         spec.check()
-    num_rays = sum(spec.num_rays for spec in rig)
     if num_rays > MAX_RAYS:
         raise FieldError(f"lidars: expected at most {MAX_RAYS:,} rays a turn for all of an ego, got {num_rays:,}")
-    num_bytes = sum(spec.raw_bytes for spec in rig)
     if num_bytes > MAX_RAW_BYTES:
         raise FieldError(
             f"sensors: expected at most {MAX_RAW_BYTES:,} bytes of raw pictures and points in a frame of an ego,"

@@ -8,11 +8,13 @@ from collections.abc import Sequence
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensors.camera_sensor import DETECTIONS_2D, DETECTIONS_3D
-from rosbridge_sim.simulator.sensors.drawing import VisibleBoxes
+from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes
 from rosbridge_sim.world.geometry.planar import Quaternion
 
-__all__ = ["VisionMessages", "optical"]
+__all__ = ["DETECTIONS_2D", "DETECTIONS_3D", "VisionMessages", "optical"]
+
+DETECTIONS_2D, DETECTIONS_3D = "vision_msgs/Detection2DArray", "vision_msgs/Detection3DArray"
+"""Types of the boxes for programs of others."""
 
 
 class VisionMessages:

@@ -8,10 +8,9 @@ import pytest
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.drawing import model_of
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
-from rosbridge_sim.simulator.sensors.lidar_3d import POINT_BYTES, Lidar3dSpec
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
+from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
+from rosbridge_sim.simulator.sensors.picture_sensor import model_of
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS, read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import SensorSpec, is_due
@@ -151,7 +150,3 @@ def test_scan_is_bounded_since_its_ranges_are_text() -> None:
 
 def test_largest_lidar_on_the_market_is_allowed() -> None:
     check_rig([Lidar3dSpec(model="OS1-128", columns=2048)])
-
-
-def test_bytes_of_a_point_are_those_of_the_message() -> None:
-    assert POINT_TYPE.itemsize == POINT_BYTES
