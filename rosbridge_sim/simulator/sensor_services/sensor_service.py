@@ -21,6 +21,7 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
+from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_presets import (
@@ -30,7 +31,7 @@ from rosbridge_sim.simulator.sensors.sensor_presets import (
     read_rig,
     read_rig_text,
 )
-from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, SensorSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import check_rig
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting

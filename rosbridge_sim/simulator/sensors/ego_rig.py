@@ -11,8 +11,9 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
-from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig, SensorSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 
 __all__ = ["MEASURED_FRAMES", "EgoRig", "MountedSensor", "is_wanted"]
 

@@ -36,6 +36,8 @@ class GpsSpec(SensorSpec, frozen=True, kw_only=True):
     """The GPS antenna; the settings of topics have its rate."""
 
     kind: ClassVar[str] = "gps"
+    morai_noun: ClassVar[str] = "GPS"
+    morai_lists: ClassVar[tuple[str, ...]] = ("GPSList",)
     is_on_each_ego: ClassVar[bool] = True
     frame_id: ClassVar[str] = GPS_FRAME
     topic: ClassVar[str] = "/gps"

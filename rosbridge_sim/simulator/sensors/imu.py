@@ -41,6 +41,8 @@ class ImuSpec(SensorSpec, frozen=True, kw_only=True):
     """The inertial unit; the settings of topics have its rate."""
 
     kind: ClassVar[str] = "imu"
+    morai_noun: ClassVar[str] = "IMU"
+    morai_lists: ClassVar[tuple[str, ...]] = ("IMUList",)
     is_on_each_ego: ClassVar[bool] = True
     frame_id: ClassVar[str] = IMU_FRAME
     topic: ClassVar[str] = "/imu"

@@ -19,14 +19,7 @@ from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, 
 from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Beams, beams_2d
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
-from rosbridge_sim.simulator.sensors.sensor_specs import (
-    MAX_RAYS,
-    Cost,
-    FrameId,
-    Near,
-    Range,
-    TopicName,
-)
+from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId, Near, Range, TopicName
 
 __all__ = ["Lidar2dSpec", "Scan"]
 
@@ -63,6 +56,8 @@ class Lidar2dSpec(LidarSpec, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "lidar2d"
+    morai_noun: ClassVar[str] = "2D lidar"
+    morai_lists: ClassVar[tuple[str, ...]] = ("Lidar2DList",)
     type_name: ClassVar[str] = "sensor_msgs/LaserScan"
     frame_id: FrameId = "lidar2D"
     topic: TopicName = "/lidar2D"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Annotated, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import numpy as np
 from msgspec import Meta
@@ -18,15 +18,9 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
 from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Beams, beams_3d, pack_points
+from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
-from rosbridge_sim.simulator.sensors.sensor_specs import (
-    MAX_RAYS,
-    Cost,
-    FrameId,
-    Near,
-    Range,
-    TopicName,
-)
+from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId, Near, Range, TopicName
 
 __all__ = ["Cloud", "Lidar3dSpec"]
 
@@ -35,6 +29,9 @@ MAX_RINGS: Final = 256
 
 _NAMES: Final = ("/lidar3D", "/velodyne_points")
 """Two names for the messages of a 3D lidar: MORAI's own, and that of the velodyne driver, which most programs use."""
+
+_VLP_16: Final = 0
+"""`lidar3DType` of a VLP-16 in a saved file of MORAI."""
 
 _FLOAT32, _UINT16 = 7, 4
 """Types of a `PointField`."""
@@ -90,6 +87,8 @@ class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "lidar3d"
+    morai_noun: ClassVar[str] = "3D lidar"
+    morai_lists: ClassVar[tuple[str, ...]] = ("Lidar3DList",)
     type_name: ClassVar[str] = "sensor_msgs/PointCloud2"
     frame_id: FrameId = "velodyne"
     topic: TopicName = "/lidar3D"
@@ -129,6 +128,15 @@ class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
         if any(high <= low for low, high in zip(self.elevations, self.elevations[1:], strict=False)):
             raise FieldError(f"{where}.elevations: expected angles that grow, from the lowest to the highest")
         super().check()
+
+    def of_morai(self, item: Item, reading: Reading) -> dict[str, Any]:
+        """Return the keys of a sensor in a file of MORAI; see `SensorSpec.of_morai`."""
+        found, number = super().of_morai(item, reading), item.block.lidar3DType
+        if number != _VLP_16:
+            reading.remarks.append(
+                f"{found['frame_id']}: which product lidar3DType {number} is, is not known; it is a VLP-16"
+            )
+        return {**found, "max_range": item.block.fireDistance}
 
     @property
     def beams(self) -> Beams:

@@ -40,12 +40,13 @@ from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker, Sight, drawn_of
+from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE, is_due, num_due
 from rosbridge_sim.simulator.sensors.ego_rig import EgoRig, MountedSensor, is_wanted
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, text_of
-from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, Rig, SensorSpec, is_due, num_due
+from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, check_rig, complete
 from rosbridge_sim.simulator.sensors.weather import WeatherControl
 

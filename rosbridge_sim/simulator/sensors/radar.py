@@ -50,6 +50,8 @@ class RadarSpec(RadarBeams, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "radar"
+    morai_noun: ClassVar[str] = "radar"
+    morai_lists: ClassVar[tuple[str, ...]] = ("RadarList", "DelphiRadarList")
     type_name: ClassVar[str] = "morai_msgs/RadarDetections"
     has_turns: ClassVar[bool] = True
     frame_id: FrameId = "radar"

@@ -13,9 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from fractions import Fraction
-from functools import lru_cache
-from typing import Annotated, ClassVar, Final, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeAlias
 
 from msgspec import Meta
 
@@ -23,12 +21,13 @@ from rosbridge_sim.documents import Document, Spelling, number_spelling
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP
+from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
+from rosbridge_sim.simulator.sensors.morai_items import Item, Reading, place_of
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = [
-    "FRAME_RATE",
     "GPS_FRAME",
     "IMU_FRAME",
     "MAX_LEVER",
@@ -43,8 +42,6 @@ __all__ = [
     "Rig",
     "SensorSpec",
     "TopicName",
-    "is_due",
-    "num_due",
 ]
 
 MAX_FOV: Final = 170.0
@@ -58,9 +55,6 @@ MAX_RANGE: Final = 1000.0
 
 MAX_LEVER: Final = 100.0
 """Largest distance of a sensor from its vehicle's rear axle along each axis [m]; longer than any road train."""
-
-FRAME_RATE: Final = 50.0
-"""Frames in a second of simulated time, and so the highest rate [Hz]."""
 
 MIN_RATE: Final = 0.1
 """Lowest rate [Hz]."""
@@ -124,6 +118,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         is_on_each_ego: each ego has one, and it is published with the frame; `--rate` has its rate.
         is_picture: it has pictures, and so an optical frame.
         has_turns: a frame reads a bounded number of them, so that each has its turn.
+        morai_noun, morai_lists: what it is called, and lists of a file of MORAI that have some.
     """
 
     kind: ClassVar[str] = ""
@@ -131,6 +126,8 @@ class SensorSpec(Document, frozen=True, kw_only=True):
     is_on_each_ego: ClassVar[bool] = False
     is_picture: ClassVar[bool] = False
     has_turns: ClassVar[bool] = False
+    morai_noun: ClassVar[str] = ""
+    morai_lists: ClassVar[tuple[str, ...]] = ()
     x: _Metres = 0.0
     y: _Metres = 0.0
     z: _Metres = 0.0
@@ -185,6 +182,14 @@ class SensorSpec(Document, frozen=True, kw_only=True):
             FieldError: they do not.
         """
 
+    def of_morai(self, item: Item, reading: Reading) -> dict[str, Any]:
+        """Return the keys of a sensor in a file of MORAI; `self` has the defaults."""
+        period = item.block.sensorPeriod
+        if period is not None and period > 0.0:
+            flag = f"--rate {self.topic}={1.0 / period:.3g}"
+            reading.remarks.append(f"the rate of the {self.morai_noun} is that of the settings: {flag}")
+        return place_of(item)
+
     def lost_share(self, noise: SensorNoise) -> float:  # noqa: ARG002 - for kinds that lose some
         """Return the share of the messages that are lost."""
         return 0.0
@@ -220,31 +225,10 @@ class MountedSpec(SensorSpec, frozen=True, kw_only=True):
     topic: TopicName
     rate: Rate = 10.0
 
+    def of_morai(self, item: Item, reading: Reading) -> dict[str, Any]:
+        """Return the keys of a sensor in a file of MORAI; see `SensorSpec.of_morai`."""
+        return reading.common(item, self.topic, self.frame_id)
+
 
 Rig: TypeAlias = tuple[SensorSpec, ...]
 """The sensors of an ego, in the order of their numbers; `complete` adds a GPS and an IMU that nobody has moved."""
-
-
-def is_due(rate: float, frame: int) -> bool:
-    """Return whether a message of a rate belongs to a frame, as for all topics of the simulator.
-
-    At 30 Hz these are the frames 2, 4, 5, 7, 9, 10, ...: 40 or 20 ms apart.
-
-    Args:
-        rate: at most `FRAME_RATE` [Hz].
-        frame: of the world.
-    """
-    return num_due(rate, frame, 1) > 0
-
-
-def num_due(rate: float, frame: int, num_frames: int) -> int:
-    """Return how many messages of a rate belong to the last frames up to one; see `is_due`."""
-    up, down = _step(rate)
-    return frame * up // down - (frame - num_frames) * up // down
-
-
-@lru_cache(maxsize=64)
-def _step(rate: float) -> tuple[int, int]:
-    """Return the messages of a frame, as a fraction."""
-    step = Fraction(rate).limit_denominator(10_000) / int(FRAME_RATE)
-    return step.numerator, step.denominator

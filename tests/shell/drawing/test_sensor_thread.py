@@ -14,8 +14,9 @@ from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Shot, Sight
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensors.picture_sensor import Shot
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 from tests.simulator.sensors.analytic_makers import FormulaDrawer, make_makers
