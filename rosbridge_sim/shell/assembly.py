@@ -45,7 +45,7 @@ from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker, drawn_of
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, SensorWorker, Sighting, drawn_of
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -94,7 +94,7 @@ class _Undrawn:
         """Refuse nothing."""
         return ""
 
-    def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
+    def submit(self, job: DrawingJob, then: Callable[[Sequence[Sighting] | Exception, float], None]) -> None:
         """Draw nothing."""
         raise AssertionError(f"{job} and {then} of a simulator without frames")
 

@@ -25,7 +25,7 @@ from importlib.util import find_spec
 from typing import IO, Any, Final
 
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sighting, draw
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
 __all__ = ["DrawingError", "DrawingProcess", "main"]
@@ -83,13 +83,13 @@ class DrawingProcess:
         """
         self._ask(tuple(specs))
 
-    def draw(self, job: DrawingJob) -> Sequence[Result]:
+    def draw(self, job: DrawingJob) -> Sequence[Sighting]:
         """Return what the sensors of a job see.
 
         Raises:
             DrawingError: it cannot be drawn, or the process has ended meanwhile.
         """
-        results: Sequence[Result] = self._ask(job)
+        results: Sequence[Sighting] = self._ask(job)
         self._num_ends = 0
         return results
 
@@ -252,7 +252,7 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
             return
 
 
-def _answer(request: Any, makers: Makers) -> Sequence[Result] | None:  # noqa: ANN401 - see `_ask`
+def _answer(request: Any, makers: Makers) -> Sequence[Sighting] | None:  # noqa: ANN401 - see `_ask`
     if isinstance(request, DrawingJob):
         return draw(request, makers)
     for spec in request:

@@ -17,14 +17,14 @@ from typing import Any, Final, Protocol, TypeAlias
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.drawing.drawing_process import DrawingProcess
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Sighting
 
 __all__ = ["Drawer", "SensorThread"]
 
 LAST_MOMENT: Final = 1.0
 """Longest wait for the thread at the end [s]; the process that it waits for is gone by then."""
 
-_Then: TypeAlias = Callable[[Sequence[Result] | Exception, float], None]
+_Then: TypeAlias = Callable[[Sequence[Sighting] | Exception, float], None]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
@@ -38,7 +38,7 @@ class Drawer(Protocol):
     def open(self, specs: Sequence[DrawnSpec]) -> None:
         """Make what draws for some sensors now, or raise any error."""
 
-    def draw(self, job: DrawingJob) -> Sequence[Result]:
+    def draw(self, job: DrawingJob) -> Sequence[Sighting]:
         """Return what the sensors of a job see, or raise any error."""
 
     def kill(self) -> None:
@@ -132,13 +132,13 @@ class SensorThread:
         while (work := self._work.get()) is not None and not self._is_stopped:
             work()
 
-    def _do(self, job: DrawingJob) -> Sequence[Result] | Exception:
+    def _do(self, job: DrawingJob) -> Sequence[Sighting] | Exception:
         try:
             return self._drawer.draw(job)
         except Exception as error:  # noqa: BLE001 - the tick must be answered even after an internal error
             return error
 
-    def _hand_over(self, then: _Then, results: Sequence[Result] | Exception) -> None:
+    def _hand_over(self, then: _Then, results: Sequence[Sighting] | Exception) -> None:
         with suppress(RuntimeError):  # the loop is closed
             # One turn later, because sockets that became ready during the delivery before are read first.
             self._loop.call_soon_threadsafe(self._loop.call_soon, self._deliver, then, results)

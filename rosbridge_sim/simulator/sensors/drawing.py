@@ -24,10 +24,10 @@ from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource
 from rosbridge_sim.simulator.sensors.sensor_specs import MountedSpec, SensorSpec
 
-__all__ = ["DrawingJob", "DrawnSpec", "Makers", "Result", "SensorWorker", "Sight", "draw", "drawn_of"]
+__all__ = ["DrawingJob", "DrawnSpec", "Makers", "SensorWorker", "Sight", "Sighting", "draw", "drawn_of"]
 
 
-class Result(Record, eq=False):
+class Sighting(Record, eq=False):
     """What a sensor has seen."""
 
     @property
@@ -68,7 +68,7 @@ class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
         """Make what draws it."""
         raise NotImplementedError
 
-    def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Result:
+    def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Sighting:
         """Return what it sees.
 
         Args:
@@ -83,7 +83,7 @@ class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
         """Return a message that needs no result; see `SensorSpec.read`."""
         return None
 
-    def show(self, shared: SensorContext, number: int, header: Struct, result: Result) -> Struct | None:
+    def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:
         """Return the message of a result on one of the topics.
 
         Args:
@@ -149,7 +149,7 @@ class SensorWorker(Protocol):
     def why_not(self, specs: Sequence[DrawnSpec]) -> str:
         """Return why it cannot draw for some sensors, and what to do; empty if it can, as far as is known."""
 
-    def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
+    def submit(self, job: DrawingJob, then: Callable[[Sequence[Sighting] | Exception, float], None]) -> None:
         """Do a job.
 
         Args:
@@ -164,7 +164,7 @@ def drawn_of(specs: Sequence[SensorSpec]) -> list[DrawnSpec]:
     return [spec for spec in specs if isinstance(spec, DrawnSpec)]
 
 
-def draw(job: DrawingJob, makers: Makers) -> list[Result]:
+def draw(job: DrawingJob, makers: Makers) -> list[Sighting]:
     """Return what the sensors of a job see, in their order."""
     static = makers.build(job.road_map, job.map_name, job.seed, job.is_dressed)
     return [sight.spec.see(sight, static, job, makers) for sight in job.sights]

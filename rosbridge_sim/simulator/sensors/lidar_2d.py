@@ -15,7 +15,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Beams, beams_2d
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
@@ -30,7 +30,7 @@ _Count = Annotated[int, number_spelling(1, MAX_SCAN, "integer"), Meta(ge=1, le=M
 _Index = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
 
 
-class Scan(Result, eq=False):
+class Scan(Sighting, eq=False):
     """Ranges of a turn; inf where nothing is in range [m], and intensities."""
 
     ranges: list[float]
@@ -91,7 +91,7 @@ class Lidar2dSpec(LidarSpec, frozen=True, kw_only=True):
         ranges = np.where(is_found, echoes.ranges, np.float32(np.inf))
         return Scan(ranges.tolist(), np.where(is_found, echoes.intensities, np.float32(0.0)).tolist())
 
-    def show(self, shared: SensorContext, number: int, header: Struct, result: Result) -> Struct | None:  # noqa: ARG002 - it has one topic
+    def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:  # noqa: ARG002 - it has one topic
         """Return the LaserScan of a turn; see `DrawnSpec.show`."""
         assert isinstance(result, Scan), "it is of this kind"
         step = 6.283185307179586 / self.num_values

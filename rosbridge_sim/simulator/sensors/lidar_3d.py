@@ -15,7 +15,7 @@ from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Beams, beams_3d, pack_points
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
@@ -40,7 +40,7 @@ _Elevation = Annotated[float, number_spelling(-90.0, 90.0), Meta(ge=-90.0, le=90
 _Columns = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
 
 
-class Cloud(Result, eq=False):
+class Cloud(Sighting, eq=False):
     """Points of a turn.
 
     Attributes:
@@ -158,7 +158,7 @@ class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
             file = np.frombuffer(data, dtype=np.uint8).reshape(num, -1)[:, :16].tobytes()
         return Cloud(data, num, file)
 
-    def show(self, shared: SensorContext, number: int, header: Struct, result: Result) -> Struct | None:  # noqa: ARG002 - all have one message
+    def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:  # noqa: ARG002 - all have one message
         """Return the message of a turn; see `DrawnSpec.show`."""
         assert isinstance(result, Cloud), "it is of this kind"
         return shared.once(_Maker).make(header, result)

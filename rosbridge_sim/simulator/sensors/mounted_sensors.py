@@ -39,7 +39,7 @@ from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker, Sight, drawn_of
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, SensorWorker, Sight, Sighting, drawn_of
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE, is_due, num_due
 from rosbridge_sim.simulator.sensors.ego_rig import EgoRig, MountedSensor, is_wanted
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
@@ -61,7 +61,7 @@ MAX_RADARS: Final = 32
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-Finish = Callable[[Result, float], None]
+Finish = Callable[[Sighting, float], None]
 """Uses the result of a sight; takes monotonic time [s], too."""
 
 
@@ -266,7 +266,7 @@ class MountedSensors(Component):
             return
         header = shared.header(ego, spec.frame_id)
 
-        def finish(result: Result, now: float) -> None:
+        def finish(result: Sighting, now: float) -> None:
             mounted.frames.append(frame)
             for i, publisher in enumerate(mounted.publishers):
                 message = spec.show(shared, i, header, result) if is_wanted(publisher) else None
@@ -321,7 +321,7 @@ class MountedSensors(Component):
         context, epoch = self._context, self._epoch
         job = self.job_of(plan.sights, seen)
 
-        def then(results: Sequence[Result] | Exception, now: float) -> None:
+        def then(results: Sequence[Sighting] | Exception, now: float) -> None:
             try:
                 if isinstance(results, Exception):
                     self._note_failure(results)
@@ -446,6 +446,6 @@ def _saved_rigs(data: PlainData) -> dict[int, Rig]:
     return rigs
 
 
-def _keep_file(files: dict[str, bytes], name: str, result: Result, _now: float) -> None:
+def _keep_file(files: dict[str, bytes], name: str, result: Sighting, _now: float) -> None:
     """Keep the bytes of a file."""
     files[name] = result.file

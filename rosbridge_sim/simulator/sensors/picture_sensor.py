@@ -17,7 +17,7 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, mount
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, Sight
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_picture
 from rosbridge_sim.simulator.sensors.picture_messages import BOXES, PictureMessages
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
@@ -72,7 +72,7 @@ _INFO, _BOXES = 1, 2
 """Numbers of topics; the picture is 0, and detections follow the boxes."""
 
 
-class Shot(Result, eq=False):
+class Shot(Sighting, eq=False):
     """A picture.
 
     Attributes:
@@ -200,7 +200,7 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
             return None
         return shared.once(PictureMessages).camera_info(shared.header(ego, self.frame_id), model_of(self), self.lens)
 
-    def show(self, shared: SensorContext, number: int, header: Struct, result: Result) -> Struct | None:
+    def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:
         """Return the message of a picture on one of the topics; see `DrawnSpec.show`."""
         assert isinstance(result, Shot), "it is of this kind"
         make, form = shared.once(PictureMessages), _FORMS[self.picture]

@@ -14,7 +14,7 @@ from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Sight
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.picture_sensor import Shot
 from rosbridge_sim.world.roads.roads import Roads
@@ -31,8 +31,8 @@ def job() -> DrawingJob:
     return DrawingJob(road_map, "none", 0, take_frame(World()), [sight])
 
 
-async def result_of(thread: SensorThread) -> Sequence[Result] | Exception:
-    found: asyncio.Future[Sequence[Result] | Exception] = asyncio.get_running_loop().create_future()
+async def result_of(thread: SensorThread) -> Sequence[Sighting] | Exception:
+    found: asyncio.Future[Sequence[Sighting] | Exception] = asyncio.get_running_loop().create_future()
     thread.submit(job(), lambda results, _now: found.set_result(results))
     assert thread.is_busy
     results = await found

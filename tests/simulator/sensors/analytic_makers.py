@@ -13,7 +13,7 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.pictures import NOBODY, Channel, Hits, Picture, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sighting, draw
 
 __all__ = ["AtOnceWorker", "FormulaDrawer", "ManualWorker", "make_makers"]
 
@@ -138,7 +138,7 @@ class FormulaDrawer:
     def open(self, _specs: Sequence[DrawnSpec]) -> None:
         self._make()
 
-    def draw(self, job: DrawingJob) -> Sequence[Result]:
+    def draw(self, job: DrawingJob) -> Sequence[Sighting]:
         return draw(job, self._make())
 
     def kill(self) -> None:
@@ -153,7 +153,7 @@ class AtOnceWorker:
     def why_not(self, _specs: Sequence[DrawnSpec]) -> str:
         return ""
 
-    def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
+    def submit(self, job: DrawingJob, then: Callable[[Sequence[Sighting] | Exception, float], None]) -> None:
         then(draw(job, make_makers()), 0.0)
 
 
@@ -165,7 +165,7 @@ class ManualWorker:
     """
 
     def __init__(self) -> None:
-        self.jobs: list[tuple[DrawingJob, Callable[[Sequence[Result] | Exception, float], None]]] = []
+        self.jobs: list[tuple[DrawingJob, Callable[[Sequence[Sighting] | Exception, float], None]]] = []
 
     @property
     def is_busy(self) -> bool:
@@ -174,7 +174,7 @@ class ManualWorker:
     def why_not(self, _specs: Sequence[DrawnSpec]) -> str:
         return ""
 
-    def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
+    def submit(self, job: DrawingJob, then: Callable[[Sequence[Sighting] | Exception, float], None]) -> None:
         self.jobs.append((job, then))
 
     def finish(self, now: float = 0.0) -> None:
