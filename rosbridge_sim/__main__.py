@@ -27,7 +27,12 @@ def main() -> int:
     """Run the command that the command line names; return the exit code."""
     argv = sys.argv[1:]
     name = argv.pop(0) if argv and not argv[0].startswith("-") else "serve"
+    if name == "ros2" and argv and argv[0] != "check" and argv[0] in _COMMANDS.keys() | _ABSENT.keys():
+        name = argv.pop(0)
+    name = _SAME_AS.get(name, name)
     try:
+        if name in _ABSENT:
+            raise SettingError(f"{name}: {_ABSENT[name]}")
         if name not in _COMMANDS:
             raise SettingError(f"no such command: {name}{hint(name, _COMMANDS)}; --help lists them")
         code = _COMMANDS[name](argv)
@@ -84,6 +89,9 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
         for name in (
             "topic",
             "service",
+            "node",
+            "param",
+            "action",
             "sync",
             "tick",
             "step",
@@ -98,6 +106,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "layout",
             "wait",
             "schema",
+            "interface",
             "bag",
             "scenario",
             "map",
@@ -108,6 +117,24 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
         )
     },
 }
+
+_SAME_AS = {
+    **{f"ros{name}": name for name in ("topic", "service", "node", "param", "action", "bag")},
+    **dict.fromkeys(("rosmsg", "rossrv", "msg", "srv"), "interface"),
+}
+"""Name of a tool of ROS -> the command here. The words of `ros2` are commands here, too."""
+
+_STARTS = "there are no packages of ROS to start; start your program itself, with the URL of rosbridge-sim serve"
+_REACHES_NOT = "a rosbridge gives no access to it; rosbridge-sim service call calls a node's services"
+
+_ABSENT = {
+    **dict.fromkeys(("run", "launch", "rosrun", "roslaunch"), _STARTS),
+    **dict.fromkeys(("roscore", "rosmaster", "daemon"), "none is needed; rosbridge-sim serve is the server"),
+    **dict.fromkeys(("lifecycle", "component"), _REACHES_NOT),
+    **dict.fromkeys(("doctor", "roswtf"), "rosbridge-sim wait looks for a rosbridge, and ros2 check at nodes of ROS 2"),
+    **dict.fromkeys(("pkg", "rospack"), "packages have only types here; rosbridge-sim interface packages lists them"),
+}
+"""Tool of ROS that has no meaning here -> the reason, and what does its work."""
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""The commands that work with any rosbridge: `rosbridge-sim topic`, `service`, `record`, `watch`, `layout`, `wait`."""
+"""The commands that work with any rosbridge: `rosbridge-sim topic`, `service`, `watch`, `layout`, `wait`."""
 
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 from argparse import BooleanOptionalAction
 from collections.abc import Sequence
@@ -14,26 +15,27 @@ from rosbridge_sim.cli.bridge_flags import (
     COUNT,
     SECONDS,
     add_bridge,
+    add_count,
     add_server,
+    on_bridge,
+    take_type,
     with_bridge,
 )
 from rosbridge_sim.cli.command_line import (
     Options,
-    add_definitions,
     command_of,
-    definition_sources_of,
     group_of,
     make_number,
     run_command,
 )
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import PREFIX
+from rosbridge_sim.link.arguments import PREFIX, Parser
 
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.tool_client import Bridge
 
-__all__ = ["run_layout", "run_record", "run_service", "run_topic", "run_wait", "run_watch"]
+__all__ = ["run_layout", "run_service", "run_topic", "run_wait", "run_watch"]
 
 DEFAULT_RATE = 1.0
 """Default rate of `pub` [Hz], as in `ros2 topic pub`."""
@@ -44,43 +46,106 @@ _window = make_number(2, 1e6, "a number from 2 to 1,000,000", int)
 
 def run_topic(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim topic`."""
+    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415 - not before the command is known; the same below
+
     group, add = group_of("topic", "Topics of a rosbridge: list, show, measure and publish.")
 
-    parser = add("list", _list_topics, "list all topics")
+    parser = add(
+        "list",
+        on_bridge(
+            lambda bridge, o: topic.list_topics(
+                bridge, o.namespace, is_verbose=o.verbose, has_types=o.types, is_count=o.is_count, is_json=o.json
+            )
+        ),
+        "list all topics",
+    )
+    parser.add_argument("namespace", metavar="NAMESPACE", nargs="?", default="", help="only topics in it")
     parser.add_argument("-v", "--verbose", action="store_true", help="with types, publishers and subscribers")
-    parser.add_argument("-t", "--types", action="store_true", help="with types")
+    _add_types(parser)
+    add_count(parser, "--count-topics")
     add_bridge(parser)
 
-    parser = add("info", _show_topic, "show type, publishers and subscribers of a topic")
+    parser = add(
+        "info",
+        on_bridge(lambda bridge, o: topic.show_topic(bridge, o.name, is_verbose=o.verbose, is_json=o.json)),
+        "show type, publishers and subscribers of a topic",
+    )
     parser.add_argument("name", metavar="NAME")
+    parser.add_argument("-v", "--verbose", action="store_true", help="each node as ros2 topic info -v shows it")
+    add_bridge(parser)
+
+    parser = add(
+        "type",
+        on_bridge(lambda bridge, o: topic.show_topic_type(bridge, o.name, is_json=o.json)),
+        "print the type of a topic",
+    )
+    parser.add_argument("name", metavar="NAME")
+    add_bridge(parser)
+
+    parser = add(
+        "find",
+        on_bridge(lambda bridge, o: topic.find_topics(bridge, o.type, is_count=o.is_count, is_json=o.json)),
+        "list the topics of a type",
+    )
+    parser.add_argument("type", metavar="TYPE", help="pkg/Type or pkg/msg/Type")
+    add_count(parser, "--count-topics")
     add_bridge(parser)
 
     parser = add("echo", _echo, "print messages as they come")
-    parser.add_argument("name", metavar="NAME")
+    parser.add_argument(
+        "name", metavar="NAME", help="a topic; or a topic and a field of it, such as /Ego_topic/position"
+    )
+    _add_type(parser)
     parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
     parser.add_argument("--once", action="store_const", const=1, dest="count", help="end after the first")
     parser.add_argument("--field", metavar="PATH", help="print only this field, such as a.b or list[0].c")
-    parser.add_argument("--type", metavar="TYPE", help="of a topic that is not there yet")
+    parser.add_argument("--csv", action="store_true", help="print all values of a message in a line, with commas")
+    parser.add_argument("-p", "--plot", action="store_true", help="the same with time and names, as rostopic echo -p")
+    parser.add_argument("--no-arr", "--noarr", action="store_true", help="print lengths in place of lists")
+    parser.add_argument("--no-str", "--nostr", action="store_true", help="print lengths in place of texts")
     add_bridge(parser, is_waiting=True)
     parser.set_defaults(end=0)
 
-    parser = add("hz", _show_rate, "measure the rate of messages")
-    parser.add_argument("name", metavar="NAME")
-    parser.add_argument("-w", "--window", type=_window, metavar="N", help="measure over the last N messages [all]")
-    parser.add_argument("-n", "--count", type=_window, help="end after so many messages")
-    parser.add_argument("--type", metavar="TYPE", help="of a topic that is not there yet")
-    add_bridge(parser, is_waiting=True)
-    parser.set_defaults(end=0)
+    for name, text in (
+        ("hz", "measure the rate of messages"),
+        ("bw", "measure the bandwidth of a topic, with messages as JSON, as they come"),
+        ("delay", "measure the age of messages: the server's clock, or the time of day, minus header.stamp"),
+    ):
+        parser = add(name, _measure, text)
+        parser.add_argument("name", metavar="NAME")
+        _add_type(parser)
+        parser.add_argument("-w", "--window", type=_window, metavar="N", help="measure over the last N messages [all]")
+        parser.add_argument("-n", "--count", type=_window, help="end after so many messages")
+        add_bridge(parser, is_waiting=True)
+        parser.set_defaults(end=0)
 
-    parser = add("pub", _publish, "publish a message; by default once a second until Ctrl-C")
+    _add_pub(add("pub", _publish, "publish a message; by default once a second until Ctrl-C"))
+    return run_command(group, argv)
+
+
+def _add_pub(parser: Parser) -> None:
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("type", metavar="TYPE")
     parser.add_argument(
-        "message", metavar="MESSAGE", nargs="?", default="{}", help="JSON or YAML; fields may be left out"
+        "message",
+        metavar="MESSAGE",
+        nargs="*",
+        help="JSON or YAML, fields may be left out; or the values of all fields in order, as for rostopic pub",
     )
     parser.add_argument("-1", "--once", action="store_const", const=1, dest="count", help="publish once, then end")
-    parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
+    parser.add_argument("-n", "-t", "--count", "--times", type=COUNT, metavar="N", help="end after so many messages")
     parser.add_argument("-r", "--rate", type=_hertz, metavar="HZ", help=f"messages per second [{DEFAULT_RATE:g}]")
+    parser.add_argument(
+        "-w",
+        "--wait-matching-subscriptions",
+        type=make_number(0, 1e6, "a number of nodes", int),
+        default=0,
+        metavar="N",
+        help="wait until so many nodes subscribe; rosapi counts all clients of a rosbridge as one node [0]",
+    )
+    parser.add_argument(
+        "--max-wait-time-secs", type=SECONDS, default=math.inf, metavar="SECONDS", help="longest such wait [for ever]"
+    )
     parser.add_argument(
         "-l",
         "--latch",
@@ -89,24 +154,16 @@ def run_topic(argv: Sequence[str]) -> int:
     )
     add_bridge(parser)
     parser.set_defaults(end=0)
-    return run_command(group, argv)
 
 
-def _list_topics(options: Options) -> int:
-    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415 - see above; the same below
-
-    return with_bridge(
-        options,
-        lambda bridge: topic.list_topics(
-            bridge, is_verbose=options.verbose, has_types=options.types, is_json=options.json
-        ),
-    )
+def _add_types(parser: Parser) -> None:
+    parser.add_argument("-t", "--types", "--show-types", action="store_true", help="with types, in brackets")
 
 
-def _show_topic(options: Options) -> int:
-    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415
-
-    return with_bridge(options, lambda bridge: topic.show_topic(bridge, options.name, is_json=options.json))
+def _add_type(parser: Parser) -> None:
+    text = "of a topic that is not there yet"
+    parser.add_argument("type", metavar="TYPE", nargs="?", help=text)
+    parser.add_argument("--type", dest="other_type", metavar="TYPE", help="the same")
 
 
 def _echo(options: Options) -> int:
@@ -116,27 +173,25 @@ def _echo(options: Options) -> int:
         path = None if options.field is None else topic.FieldPath(options.field)
     except ValueError:
         raise SettingError(f"--field: expected a path such as a.b or list[0].c; got {options.field!r}") from None
+    kind = options.type or options.other_type
+    form = topic.Echo(
+        options.json, options.csv, options.plot, has_arrays=not options.no_arr, has_texts=not options.no_str
+    )
     return with_bridge(
         options,
-        lambda bridge: topic.echo(
-            bridge, options.name, options.type, path, options.count, patience=options.wait, is_json=options.json
-        ),
+        lambda bridge: topic.echo(bridge, options.name, kind, path, options.count, patience=options.wait, form=form),
     )
 
 
-def _show_rate(options: Options) -> int:
-    from rosbridge_sim.cli.tools.hz import show_rate  # noqa: PLC0415
+def _measure(options: Options) -> int:
+    from rosbridge_sim.cli.tools.hz import MAX_WINDOW, METERS, measure  # noqa: PLC0415
 
+    meter = METERS[options.command](options.window or MAX_WINDOW)
+    kind = options.type or options.other_type
     return with_bridge(
         options,
-        lambda bridge: show_rate(
-            bridge,
-            options.name,
-            options.type,
-            options.window,
-            options.count,
-            patience=options.wait,
-            is_json=options.json,
+        lambda bridge: measure(
+            bridge, meter, options.name, kind, options.count, patience=options.wait, is_json=options.json
         ),
     )
 
@@ -144,24 +199,26 @@ def _show_rate(options: Options) -> int:
 def _publish(options: Options) -> int:
     from rosbridge_sim.cli.tools import topic  # noqa: PLC0415
 
-    msg = read_body(options.message, "MESSAGE")
-    if not isinstance(msg, dict):
-        raise SettingError(f"MESSAGE: expected an object such as '{{data: 1}}'; got {options.message!r}")
+    values = [read_body(text, "MESSAGE") for text in options.message]
+    msg = {} if not values else values[0] if len(values) == 1 and isinstance(values[0], dict) else None
     is_kept = options.latch and options.rate is None and options.count is None
     rate = None if is_kept or options.count == 1 else options.rate or DEFAULT_RATE
-    return with_bridge(
-        options,
-        lambda bridge: topic.publish(
+
+    async def work(bridge: Bridge) -> int:
+        return await topic.publish(
             bridge,
             options.name,
             options.type,
-            msg,
+            await topic.positional_message(bridge, options.type, values) if msg is None else msg,
             count=options.count,
             rate=rate,
             is_latched=options.latch,
+            num_subscribers=options.wait_matching_subscriptions,
+            patience=options.max_wait_time_secs,
             is_json=options.json,
-        ),
-    )
+        )
+
+    return with_bridge(options, work)
 
 
 # service
@@ -169,91 +226,83 @@ def _publish(options: Options) -> int:
 
 def run_service(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim service`."""
-    group, add = group_of("service", "Services of a rosbridge: list, show and call.")
+    from rosbridge_sim.cli.tools import service  # noqa: PLC0415
 
-    parser = add("list", _list_services, "list all services")
-    parser.add_argument("-v", "--verbose", action="store_true", help="with types and providers")
+    absent = {
+        "args": "rosbridge-sim service info shows the fields of the request",
+        "uri": "a service behind a rosbridge has no address of its own; rosbridge-sim service node shows its node",
+        "echo": "a rosbridge does not tell the calls of other clients",
+    }
+    group, add = group_of("service", "Services of a rosbridge: list, show and call.", absent)
+
+    parser = add(
+        "list",
+        on_bridge(
+            lambda bridge, o: service.list_services(
+                bridge, is_verbose=o.verbose, has_types=o.types, is_count=o.is_count, is_json=o.json
+            )
+        ),
+        "list all services",
+    )
+    parser.add_argument("-v", "-n", "--verbose", "--nodes", action="store_true", help="with types and providers")
+    _add_types(parser)
+    add_count(parser, "--count-services")
     add_bridge(parser)
 
-    parser = add("info", _show_service, "show type, provider, request and response of a service")
+    parser = add(
+        "info",
+        on_bridge(lambda bridge, o: service.show_service(bridge, o.name, is_json=o.json)),
+        "show type, provider, request and response of a service",
+    )
     parser.add_argument("name", metavar="NAME")
+    parser.add_argument("-v", "--verbose", action="store_true", help="the same")
+    add_bridge(parser)
+
+    for name in ("type", "node"):
+        parser = add(
+            name,
+            on_bridge(lambda bridge, o: service.show_service_word(bridge, o.name, o.command, is_json=o.json)),
+            f"print the {name} of a service",
+        )
+        parser.add_argument("name", metavar="NAME")
+        add_bridge(parser)
+
+    parser = add(
+        "find",
+        on_bridge(lambda bridge, o: service.find_services(bridge, o.type, is_count=o.is_count, is_json=o.json)),
+        "list the services of a type",
+    )
+    parser.add_argument("type", metavar="TYPE", help="pkg/Type or pkg/srv/Type")
+    add_count(parser, "--count-services")
     add_bridge(parser)
 
     parser = add("call", _call, "call a service and print its answer")
     parser.add_argument("name", metavar="NAME")
     parser.add_argument(
-        "request", metavar="REQUEST", nargs="?", default="{}", help="JSON or YAML; fields may be left out"
+        "words",
+        metavar="[TYPE] REQUEST",
+        nargs="*",
+        help="JSON or YAML, fields may be left out; or the values of all fields in order, as for rosservice call."
+        " A type, such as std_srvs/srv/Trigger, may stand before it",
     )
     add_bridge(parser, CALL_PATIENCE, is_call=True)
     return run_command(group, argv)
 
 
-def _list_services(options: Options) -> int:
-    from rosbridge_sim.cli.tools import service  # noqa: PLC0415
-
-    return with_bridge(
-        options, lambda bridge: service.list_services(bridge, is_verbose=options.verbose, is_json=options.json)
-    )
-
-
-def _show_service(options: Options) -> int:
-    from rosbridge_sim.cli.tools import service  # noqa: PLC0415
-
-    return with_bridge(options, lambda bridge: service.show_service(bridge, options.name, is_json=options.json))
-
-
 def _call(options: Options) -> int:
     from rosbridge_sim.cli.tools import service  # noqa: PLC0415
 
-    args = read_body(options.request, "REQUEST")
-    if not isinstance(args, (dict, list)):
-        raise SettingError(f"REQUEST: expected an object such as '{{data: 1}}'; got {options.request!r}")
+    kind = take_type(options.words)
+    values = [read_body(text, "REQUEST") for text in options.words]
+    args = {} if not values else values[0] if len(values) == 1 and isinstance(values[0], (dict, list)) else values
     patience = options.patience or None
     options.patience = ANSWER_PATIENCE  # for everything except the call
-    return with_bridge(options, lambda bridge: service.call(bridge, options.name, args, patience, is_json=options.json))
-
-
-# record
-
-
-def run_record(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim record`."""
-    parser = command_of(
-        "record",
-        _record,
-        "Record topics of a rosbridge into a bag, until Ctrl-C.",
-    )
-    parser.add_argument("file", metavar="FILE", help="NAME.bag is ROS 1, NAME.mcap ROS 2, else a folder of ROS 2")
-    parser.add_argument(
-        "-t",
-        "--topics",
-        action="append",
-        default=[],
-        metavar="PATTERN",
-        help="topics to record, such as '/Ego*'; repeatable [all]",
-    )
-    parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
-    add_bridge(parser, is_waiting=True)
-    add_definitions(parser)
-    parser.set_defaults(end=0)
-    return run_command(parser, argv)
-
-
-def _record(options: Options) -> int:
-    from rosbridge_sim.cli.tools import record  # noqa: PLC0415
-
     return with_bridge(
-        options,
-        lambda bridge: record.record(
-            bridge,
-            options.file,
-            tuple(options.topics),
-            definition_sources_of(options),
-            options.count,
-            patience=options.wait,
-            is_json=options.json,
-        ),
+        options, lambda bridge: service.call(bridge, options.name, kind, args, patience, is_json=options.json)
     )
+
+
+# watch
 
 
 def run_watch(argv: Sequence[str]) -> int:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import os
+import re
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.command_line import Options, add_json, make_number
+from rosbridge_sim.cli.tools.text import note
 from rosbridge_sim.link.arguments import PREFIX, Parser
 from rosbridge_sim.link.urls import shown_url
 
@@ -20,7 +23,10 @@ __all__ = [
     "COUNT",
     "SECONDS",
     "add_bridge",
+    "add_count",
     "add_server",
+    "on_bridge",
+    "take_type",
     "with_bridge",
 ]
 
@@ -39,6 +45,20 @@ SECONDS_OR_NONE = make_number(0, 1e6, "seconds, or 0", float)
 
 COUNT = make_number(1, 1e9, "a number from 1 on", int)
 """Reader of a number of things on the command line."""
+
+_QOS = "the rosbridge chooses the quality of service, and its clients get all messages in order over TCP"
+_HIDDEN = "rosapi lists no hidden names"
+
+_WITHOUT_EFFECT = {
+    "--no-daemon": (0, "there is no daemon: each command asks the rosbridge"),
+    "--spin-time": (None, "nothing is discovered: --timeout is the longest wait for an answer"),
+    "--use-sim-time": (0, "only `topic delay` needs a clock, and it takes /clock if that is there"),
+    "--full-length": (0, "messages are never cut"),
+    "--include-hidden-topics": (0, _HIDDEN),
+    "--include-hidden-services": (0, _HIDDEN),
+    **{f"--qos-{name}": (None, _QOS) for name in ("profile", "depth", "history", "reliability", "durability")},
+}
+"""Flag of the tools of ROS -> its number of values (None is one), and why it has no effect here."""
 
 
 def with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> int:
@@ -61,6 +81,36 @@ def with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> i
     return asyncio.run(main())
 
 
+def on_bridge(work: Callable[[Bridge, Options], Awaitable[int]]) -> Callable[[Options], int]:
+    """Return the function that runs a command.
+
+    Args:
+        work: gets the connection and the flags, and returns the exit code.
+    """
+    return lambda options: with_bridge(options, lambda bridge: work(bridge, options))
+
+
+_TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:srv|action)/)?[A-Za-z]\w*")
+"""Name of a type; a name of a service or an action has a slash in front."""
+
+
+def take_type(words: list[str]) -> str:
+    """Remove the name of a type from the front of words, and return it; empty if there is none."""
+    return words.pop(0) if words and _TYPE.fullmatch(words[0]) else ""
+
+
+class _WithoutEffect(argparse.Action):
+    """A flag that is accepted, and says why it does nothing."""
+
+    def __call__(self, _parser: object, _options: object, _values: object, flag: str | None = None) -> None:
+        note(f"{flag} has no effect: {self.const}")
+
+
+def add_count(parser: Parser, *flags: str) -> None:
+    """Add the flags of a list: its number of entries in place of them, and its types."""
+    parser.add_argument("-c", "--count", *flags, dest="is_count", action="store_true", help="print how many there are")
+
+
 def add_bridge(
     parser: Parser, patience: float = ANSWER_PATIENCE, *, is_call: bool = False, is_waiting: bool = False
 ) -> None:
@@ -73,6 +123,10 @@ def add_bridge(
     """
     add_json(parser)
     add_server(parser)
+    for flag, (number, why) in _WITHOUT_EFFECT.items():
+        parser.add_argument(
+            flag, action=_WithoutEffect, nargs=number, const=why, dest=argparse.SUPPRESS, help=argparse.SUPPRESS
+        )
     if is_waiting:
         text = "longest wait for a message, and for an answer; then end with code 1 and the reason"
         parser.add_argument("--timeout", dest="wait", type=SECONDS, metavar="SECONDS", help=f"{text} [for ever]")

@@ -11,7 +11,7 @@ import argparse
 import errno
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from io import TextIOWrapper
 from typing import TYPE_CHECKING
 
@@ -110,17 +110,19 @@ def command_of(name: str, run: Callable[[Options], int], text: str, epilog: str 
     return parser
 
 
-def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
+def group_of(name: str, text: str, absent: Mapping[str, str] | None = None) -> tuple[Parser, Callable[..., Parser]]:
     """Return the parser of `rosbridge-sim NAME`, and a function that adds a command to it.
 
     Args:
         text: description for the help.
+        absent: see `Parser`.
     """
 
     def none_given(_options: Options) -> int:
         raise SettingError(f"{name}: expected a command: {', '.join(commands.choices)}; see {group.prog} --help")
 
     group = command_of(name, none_given, text)
+    group.absent = absent or {}
     commands = group.add_subparsers(title="commands", metavar="COMMAND", dest="command")
 
     def add(command: str, run: Callable[[Options], int], text: str) -> Parser:

@@ -16,7 +16,7 @@ from rosbridge_sim.cli.command_line import (
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
-__all__ = ["run_bag", "run_docs", "run_map", "run_scenario", "run_schema"]
+__all__ = ["run_docs", "run_interface", "run_map", "run_scenario", "run_schema"]
 
 
 # schema
@@ -69,24 +69,44 @@ def _write_typescript(options: Options) -> int:
     return schema.write_typescript(options.package, definition_sources_of(options))
 
 
-# bag
+# interface
 
 
-def run_bag(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim bag ...`."""
-    group, add = group_of("bag", "Bag files; no server is needed.")
+def run_interface(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim interface ...`."""
+    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
 
-    parser = add("repair", _repair_bag, "copy the complete parts of a bag, whose recorder was killed, into a new bag")
-    parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
-    parser.add_argument("-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, with the old suffix]")
-    add_json(parser)
+    absent = {
+        "md5": "programs behind a rosbridge compare no checksums; rosbridge-sim interface show prints the definition",
+        "users": "no package here says what it uses; rosbridge-sim topic find and service find ask a server",
+    }
+    text = "The definitions of `schema`, in the form of ros2 interface and rosmsg; no server is needed."
+    group, add = group_of("interface", text, absent)
+    for command, text in (
+        ("list", "list all types"),
+        ("package", "list the types of a package"),
+        ("packages", "list the packages that have types"),
+    ):
+        parser = add(
+            command, lambda o: schema.list_interfaces(o.command, o.package, o.kinds, definition_sources_of(o)), text
+        )
+        if command == "package":
+            parser.add_argument("package", metavar="PACKAGE")
+        parser.set_defaults(package=None, kinds=None)
+        for kind in schema.KINDS:
+            parser.add_argument(
+                f"-{kind[0]}", f"--only-{kind}s", action="append_const", const=kind, dest="kinds", help=f"only {kind}s"
+            )
+        _add_choice(parser)
+
+    for command, run, text in (
+        ("show", schema.show_interface, "print a definition, with the fields of the messages in it"),
+        ("proto", schema.show_prototype, "print a message, request or goal with its default values"),
+    ):
+        parser = add(command, lambda o, run=run: run(o.type, definition_sources_of(o)), text)
+        parser.add_argument("type", metavar="TYPE", help="pkg/Type, pkg/msg/Type, or Type of any package")
+        _add_choice(parser)
     return run_command(group, argv)
-
-
-def _repair_bag(options: Options) -> int:
-    from rosbridge_sim.cli.files import bag_repair as bag  # noqa: PLC0415
-
-    return bag.repair_bag(options.file, options.output, is_json=options.json)
 
 
 # scenario

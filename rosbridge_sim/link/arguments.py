@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import re
 import shutil
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NoReturn
 
 from rosbridge_sim.errors import SettingError
@@ -27,7 +29,13 @@ def layout(prog: str) -> argparse.HelpFormatter:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that raises an error; the library's own would print its usage and exit."""
+    """A parser that raises an error; the library's own would print its usage and exit.
+
+    Attributes:
+        absent: command of the tools of ROS that is missing on purpose -> the reason, and what does its work.
+    """
+
+    absent: Mapping[str, str] = MappingProxyType({})
 
     def error(self, message: str) -> NoReturn:
         """Report a mistake. The library calls this.
@@ -41,6 +49,8 @@ class Parser(argparse.ArgumentParser):
         message = _without_values(message.removeprefix("argument "))
         if unknown := _UNKNOWN_COMMAND.fullmatch(message):
             known = re.findall(r"[\w-]+", unknown["known"])
+            if unknown["name"] in self.absent:
+                raise SettingError(f"{self.prog.partition(' ')[2]} {unknown['name']}: {self.absent[unknown['name']]}")
             message = f"no such command: {unknown['name']}{hint(unknown['name'], known)}; expected {', '.join(known)}"
         elif message.startswith((_STRANGE_WORDS, _MISSING_WORDS)):
             message += f"; see {self.prog} --help"

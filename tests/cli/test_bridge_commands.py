@@ -16,7 +16,10 @@ from tests.support import PATIENCE, ROOT, ServerProcess
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("topic",), "topic: expected a command: list, info, echo, hz, pub; see rosbridge-sim topic --help"),
+        (
+            ("topic",),
+            "topic: expected a command: list, info, type, find, echo, hz, bw, delay, pub; see",
+        ),
         (("schema", "lsit"), "no such command: lsit (did you mean list?); expected list, show"),
         (("topic", "list", "--foo"), "unrecognized arguments: --foo; see rosbridge-sim topic --help"),
         (("topic", "list", "--verb"), "unrecognized arguments: --verb"),

@@ -1,20 +1,25 @@
-"""`topic hz`: rate and regularity of a topic's messages."""
+"""`topic hz`, `bw` and `delay`: rate, size and age of a topic's messages."""
 
 from __future__ import annotations
 
 import itertools
 import math
 import sys
+import time
+from abc import ABC, abstractmethod
 from collections import deque
-from dataclasses import dataclass
-from typing import Self
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Generic, NamedTuple, Self, TypeVar
 
 from rosbridge_sim.cli.tools.sync_commands import why_silent
-from rosbridge_sim.cli.tools.text import put, put_json
-from rosbridge_sim.cli.tools.tool_client import Bridge, absolute
-from rosbridge_sim.cli.tools.tool_subscription import Listener
+from rosbridge_sim.cli.tools.text import note, put, put_json
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute
+from rosbridge_sim.cli.tools.tool_subscription import Listener, stamp_of
+from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.json_with_words import to_json
+from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["Rate", "Rates", "show_rate"]
+__all__ = ["METERS", "Bandwidths", "Delays", "Meter", "Rate", "Rates", "measure"]
 
 REPORT_INTERVAL = 1.0
 """Time between two reports [s]."""
@@ -23,8 +28,7 @@ MAX_WINDOW = 50_000
 """Default number of messages to measure over: a quarter of an hour at 50 Hz."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rate:
+class Rate(NamedTuple):
     """Statistics of the last intervals between messages.
 
     Attributes:
@@ -47,8 +51,72 @@ class Rate:
         )
 
 
-class Rates:
-    """Arrival times of the last messages."""
+class Bandwidth(NamedTuple):
+    """Statistics of the last messages' sizes.
+
+    Attributes:
+        rate: mean rate [B/s].
+        mean, smallest, largest: sizes [B].
+        num_messages: number of messages in the measurement.
+    """
+
+    rate: float
+    mean: float
+    smallest: float
+    largest: float
+    num_messages: int
+
+    def __str__(self) -> str:
+        rate, mean, smallest, largest = map(_bytes, self[:4])
+        return f"average: {rate}/s  mean: {mean}  min: {smallest}  max: {largest}  window: {self.num_messages}"
+
+
+class Delay(NamedTuple):
+    """Statistics of the last messages' ages.
+
+    Attributes:
+        mean, smallest, largest: delays [s].
+        deviation: their standard deviation [s].
+        num_messages: number of messages in the measurement.
+    """
+
+    mean: float
+    smallest: float
+    largest: float
+    deviation: float
+    num_messages: int
+
+    def __str__(self) -> str:
+        return (
+            f"average delay: {self.mean:.3f} s  min: {self.smallest:.3f} s  max: {self.largest:.3f} s"
+            f"  std dev: {self.deviation:.5f} s  window: {self.num_messages}"
+        )
+
+
+def _bytes(number: float) -> str:
+    """Return a number of bytes with one of the units of `ros2 topic bw`."""
+    for unit in ("B", "KB", "MB"):
+        if number < 1000:  # noqa: PLR2004 - as there
+            return f"{number:.{0 if unit == 'B' and number == int(number) else 2}f} {unit}"
+        number /= 1000
+    return f"{number:.2f} GB"
+
+
+# Meters
+
+
+Report = TypeVar("Report", bound=tuple[float, ...])
+"""Statistics in a tuple with names."""
+
+
+class Meter(ABC, Generic[Report]):
+    """A measurement over the last messages.
+
+    Attributes:
+        fields: names of the statistics in JSON.
+    """
+
+    fields: Sequence[str]
 
     def __init__(self, window: int = MAX_WINDOW) -> None:
         """Begin without messages.
@@ -56,77 +124,161 @@ class Rates:
         Args:
             window: number of messages to measure over; at least 2.
         """
-        self._times: deque[float] = deque(maxlen=window)
+        self._samples: deque[tuple[float, float]] = deque(maxlen=window)
 
-    def add(self, now: float) -> None:
+    def add(self, now: float, value: float = 0.0) -> None:
         """Add a message.
 
         Args:
             now: its arrival time [s].
+            value: its size [B] or delay [s], if that is what is measured.
         """
-        self._times.append(now)
+        self._samples.append((now, value))
 
-    def read(self) -> Rate | None:
-        """Return the statistics; None before the second message."""
-        times = list(self._times)
-        if len(times) < 2:  # noqa: PLR2004 - an interval needs two messages
-            return None
+    def read(self) -> Report | None:
+        """Return the statistics; None while there are too few messages."""
+        times = [at for at, _ in self._samples]
+        return self._judge(times, [value for _, value in self._samples]) if len(times) > 1 else None
+
+    @abstractmethod
+    def _judge(self, times: list[float], values: list[float]) -> Report:
+        """Return the statistics of at least two messages."""
+
+    async def prepare(self, listener: Listener) -> None:
+        """Get what is needed beside the messages."""
+
+    def value_of(self, _msg: Frame, _listener: Listener) -> float | None:
+        """Return a message's value; None if it does not count."""
+        return 0.0
+
+
+class Rates(Meter[Rate]):
+    """Intervals between arrivals."""
+
+    fields = ("rate", "min", "max", "std_dev", "window")
+
+    def _judge(self, times: list[float], _values: list[float]) -> Rate:
         intervals = [after - before for before, after in itertools.pairwise(times)]
-        mean = (times[-1] - times[0]) / len(intervals)
-        variance = sum((one - mean) ** 2 for one in intervals) / len(intervals)
-        rate = 1 / mean if mean > 0 else math.inf
-        return Rate(rate, min(intervals), max(intervals), math.sqrt(variance), len(times))
+        mean, deviation = _mean(intervals)
+        return Rate(1 / mean if mean > 0 else math.inf, min(intervals), max(intervals), deviation, len(times))
 
 
-async def show_rate(
+class Bandwidths(Meter[Bandwidth]):
+    """Sizes of messages as JSON, which is how they come."""
+
+    fields = ("rate", "mean", "min", "max", "window")
+
+    def _judge(self, times: list[float], values: list[float]) -> Bandwidth:
+        span = times[-1] - times[0]
+        rate = sum(values[1:]) / span if span > 0 else math.inf
+        return Bandwidth(rate, _mean(values)[0], min(values), max(values), len(values))
+
+    def value_of(self, msg: Frame, _listener: Listener) -> float:
+        """Return a message's size [B]."""
+        return len(to_json(msg))
+
+
+class Delays(Meter[Delay]):
+    """Differences between the time of an arrival and the stamp in the header, both in the time that stamps have.
+
+    That is the time of the server's clock: simulated time, unless the server stamps with the time of day. It is as old
+    as the last message on `/clock`. A server without a clock is compared with the time of day here.
+    """
+
+    fields = ("mean", "min", "max", "std_dev", "window")
+
+    def _judge(self, _times: list[float], values: list[float]) -> Delay:
+        mean, deviation = _mean(values)
+        return Delay(mean, min(values), max(values), deviation, len(values))
+
+    async def prepare(self, listener: Listener) -> None:
+        """Subscribe to the clock, and say what is compared."""
+        clock = await listener.watch_clock()
+        self._has_clock = clock is not None
+        if clock is None:
+            note(
+                "delay = the time of day here - header.stamp: there is no /clock, so the clocks of both machines count"
+            )
+        else:
+            text = "both in the time of the stamps: it is the age of the content, without the transport"
+            note(f"delay = {clock} - header.stamp, {text}")
+
+    def value_of(self, msg: Frame, listener: Listener) -> float | None:
+        """Return a message's delay [s]; None before the first message of the clock.
+
+        Raises:
+            RefusedError: it has no stamp.
+        """
+        header = msg.get("header")
+        if not isinstance(header, dict) or "stamp" not in header:
+            raise RefusedError(f"no header.stamp in the messages of {safe(listener.topic)}, so they have no delay")
+        now_ns = listener.clock_ns if self._has_clock else time.time_ns()
+        return None if now_ns is None else (now_ns - stamp_of(header, "stamp")) / 1e9
+
+
+def _mean(values: Sequence[float]) -> tuple[float, float]:
+    """Return mean and standard deviation."""
+    mean = sum(values) / len(values)
+    return mean, math.sqrt(sum((one - mean) ** 2 for one in values) / len(values))
+
+
+METERS: Final[dict[str, Callable[[int], Meter[Any]]]] = {"hz": Rates, "bw": Bandwidths, "delay": Delays}
+"""What a command measures."""
+
+
+async def measure(
     bridge: Bridge,
+    meter: Meter[Any],
     name: str,
     type_name: str | None,
-    window: int | None,
     count: int | None,
     *,
     patience: float | None,
     is_json: bool,
 ) -> int:
-    """Print the rate each second, and once more after `count` messages.
+    """Print the statistics each second, and once more after `count` messages.
 
     Args:
+        meter: a new meter.
         name: name of the topic.
         type_name: its type; None means that of an existing topic.
-        window: number of messages to measure over; None means MAX_WINDOW.
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.
         is_json: print one line of JSON per report.
 
     Raises:
-        RefusedError: the topic does not exist, or no message came in time.
+        RefusedError: the topic does not exist, has no such value, or no message came in time.
     """
     topic = absolute(name)
     listener = await Listener.open(bridge, topic, type_name)
-    rates = Rates(window or MAX_WINDOW)
+    await meter.prepare(listener)
     num_messages = num_reported = 0
     report_at = bridge.now() + REPORT_INTERVAL
     give_up_at = math.inf if patience is None else bridge.now() + patience
-    with _Line(is_json=is_json) as line:
+    with _Line(meter.fields, is_json=is_json) as line:
         while num_messages != count:
-            if await listener.next(min(report_at, give_up_at)) is not None:
-                rates.add(bridge.now())
-                num_messages += 1
+            msg = await listener.next(min(report_at, give_up_at))
+            if msg is not None:
+                value = meter.value_of(msg, listener)
+                if value is not None:
+                    meter.add(bridge.now(), value)
+                    num_messages += 1
                 give_up_at = math.inf if patience is None else bridge.now() + patience
             elif patience is not None and bridge.now() >= give_up_at:
                 raise await why_silent(bridge, topic, patience)
             if bridge.now() >= report_at:
-                line.write(rates.read(), is_new=num_messages > num_reported)
+                line.write(meter.read(), is_new=num_messages > num_reported)
                 num_reported = num_messages
                 report_at = max(report_at + REPORT_INTERVAL, bridge.now())
-        line.write(rates.read(), is_new=True)
+        line.write(meter.read(), is_new=True)
     return 0
 
 
 class _Line:
     """Output of reports: in separate lines, or in one line of a terminal that is overwritten."""
 
-    def __init__(self, *, is_json: bool) -> None:
+    def __init__(self, fields: Sequence[str] = Rates.fields, *, is_json: bool) -> None:
+        self._fields = fields
         self._is_json = is_json
         self._is_terminal = not is_json and sys.stdout.isatty()
         self._is_open = False
@@ -138,14 +290,14 @@ class _Line:
         if self._is_open:
             put("")
 
-    def write(self, rate: Rate | None, *, is_new: bool) -> None:
+    def write(self, report: tuple[float, ...] | None, *, is_new: bool) -> None:
         """Print a report; `is_new` is True if a message came after the last one."""
         if self._is_json:
-            fields = ("rate", "min", "max", "std_dev", "window")
-            values = (rate.rate, rate.shortest, rate.longest, rate.deviation, rate.num_messages) if rate else ()
-            put_json({**dict.fromkeys(fields), **dict(zip(fields, values, strict=False)), "is_new": is_new})
+            put_json(
+                {**dict.fromkeys(self._fields), **dict(zip(self._fields, report or (), strict=False)), "is_new": is_new}
+            )
             return
-        text = "no new messages" if rate is None or not is_new else str(rate)
+        text = "no new messages" if report is None or not is_new else str(report)
         if self._is_terminal:
             sys.stdout.write(f"\r{text}\x1b[K")  # overwrite the last report, and erase its end
             sys.stdout.flush()

@@ -14,7 +14,6 @@ import math
 import signal
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 import orjson
@@ -23,6 +22,8 @@ from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store
 from rosbridge_sim.cli.tools.sync_commands import why_standing
 from rosbridge_sim.cli.tools.text import note, put_json
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
+from rosbridge_sim.cli.tools.tool_subscription import clock_of, stamp_of
+from rosbridge_sim.cli.tools.topic import is_ros2
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.link.bridge_errors import RefusedError
@@ -32,15 +33,15 @@ from rosbridge_sim.shell.bags.bag import generation_of, open_bag
 from rosbridge_sim.shell.bags.bag_recorder import FLUSH_PERIOD
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 
-__all__ = ["record"]
-
-CLOCK = "/clock"
-
-CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
-"""Types of a clock topic, which may have another name."""
+__all__ = ["default_name", "record"]
 
 MAX_WAITING_MESSAGES = 10_000
 """Messages that wait for a first clock message until the next flush; if there are more, all get time 0."""
+
+
+async def default_name(bridge: Bridge) -> str:
+    """Return the name that `rosbag record` or `ros2 bag record` gives a bag, by the server's generation."""
+    return time.strftime("rosbag2_%Y_%m_%d-%H_%M_%S" if await is_ros2(bridge) else "%Y-%m-%d-%H-%M-%S.bag")
 
 
 async def record(
@@ -145,7 +146,7 @@ class _RecordingSession:
         values = await self._bridge.ask("topics")
         types = dict(zip(map(absolute, words(values, "topics")), words(values, "types"), strict=False))
         if self._clock is None:
-            self._clock = _clock_of(types)
+            self._clock = clock_of(types)
             if self._clock is not None and not self._rule.admits(self._clock):
                 await self._bridge.send("subscribe", topic=self._clock, type=types[self._clock])
         for topic, type_name in sorted(types.items(), key=lambda one: one[0] != self._clock):  # the clock comes first
@@ -172,7 +173,7 @@ class _RecordingSession:
             return
         topic, msg = absolute(str(frame.get("topic"))), frame.get("msg")
         if topic == self._clock:
-            self._clock_ns = _stamp_of(msg)
+            self._clock_ns = stamp_of(msg, "clock")
             self._release(self._clock_ns)
         if self._wanted.get(topic):
             body = orjson.dumps(msg)
@@ -203,19 +204,3 @@ class _RecordingSession:
             size = self._scribe.num_bytes / 1e6
             sys.stderr.write(f"\r{at}{self._scribe.num_messages:,} messages, {size:,.1f} MB  (Ctrl-C ends it) ")
             sys.stderr.flush()
-
-
-def _clock_of(types: Mapping[str, str]) -> str | None:
-    """Return the clock's topic; None if there is none."""
-    clocks = [topic for topic, type_name in types.items() if type_name in CLOCK_TYPES]
-    return CLOCK if CLOCK in types else min(clocks, default=None)
-
-
-def _stamp_of(msg: object) -> int:
-    """Return the time of a rosgraph_msgs/Clock in the spelling of either generation [ns]; 0 if there is none."""
-    clock = msg.get("clock") if isinstance(msg, dict) else None
-    if not isinstance(clock, dict):
-        return 0
-    parts = [clock.get(one, clock.get(other, 0)) for one, other in (("secs", "sec"), ("nsecs", "nanosec"))]
-    secs, nsecs = (part if isinstance(part, int) and part >= 0 else 0 for part in parts)
-    return secs * 10**9 + nsecs

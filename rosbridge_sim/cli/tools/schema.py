@@ -1,14 +1,15 @@
-"""`schema list` and `show`: the definitions of the package and of the user's folders; no server is needed."""
+"""`schema` and `interface`: the definitions of the package and of the user's folders; no server is needed."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.text import put, put_json, put_names, put_table, render
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.bridge_errors import RefusedError
@@ -18,10 +19,22 @@ from rosbridge_sim.schema.definitions.parse import Definition
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typescript import declare_package
 from rosbridge_sim.shell.config.loading import read_settings
-from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["DefinitionSources", "list_types", "open_store", "show_type", "write_typescript"]
+__all__ = [
+    "KINDS",
+    "DefinitionSources",
+    "list_interfaces",
+    "list_types",
+    "open_store",
+    "read_texts",
+    "show_interface",
+    "show_prototype",
+    "show_type",
+    "write_typescript",
+]
 
 Kind = Literal["msg", "srv", "action"]
 
@@ -52,10 +65,20 @@ def open_store(choice: DefinitionSources) -> Store:
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.
     """
+    settings = _settings_of(choice)
+    return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
+
+
+def read_texts(choice: DefinitionSources) -> Texts:
+    """Return the definitions of these types, for readers of bags; see `open_store` for errors."""
+    settings = _settings_of(choice)
+    return read_definitions(settings.release, settings.schema_path)
+
+
+def _settings_of(choice: DefinitionSources) -> Settings:
     flags = [f"--{name}={value}" for name, value in (("release", choice.release), ("ros", choice.ros)) if value]
     flags += [f"--schema-path={folder}" for folder in choice.folders]
-    settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
-    return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
+    return read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
 
 
 # list
@@ -200,3 +223,88 @@ def _collect(store: Store, definition: Definition, nested: dict[str, Definition]
         if "/" in field.type and field.type not in nested:
             inner = nested[field.type] = store.message(field.type).definition
             _collect(store, inner, nested)
+
+
+# interface
+
+
+def list_interfaces(command: str, package: str | None, kinds: Sequence[Kind] | None, choice: DefinitionSources) -> int:
+    """Print types or packages in the form of `ros2 interface`, with the names of the ROS generation.
+
+    Args:
+        command: `list` prints types below titles, `package` the types of a package, `packages` their packages.
+        package: name of the package; None means all.
+        kinds: only types of these kinds; None means all.
+
+    Raises:
+        DocumentError: a setting, a folder or a file cannot be used.
+        RefusedError: the package is unknown.
+    """
+    store = open_store(choice)
+    if package is not None:
+        _check_package(store, package)
+    types = {
+        kind: [store.spelled(name, kind) for name in store.names(kind) if package in {None, name.partition("/")[0]}]
+        for kind in kinds or KINDS
+    }
+    if command != "list":
+        names = [name for found in types.values() for name in found]
+        put_names(names if command == "package" else sorted({name.partition("/")[0] for name in names}))
+        return 0
+    for kind, found in types.items():
+        put_names([_TITLES[kind], *(f"    {name}" for name in found)])
+    return 0
+
+
+_TITLES: dict[Kind, str] = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
+
+
+def _find_one(store: Store, name: str) -> tuple[str, Kind]:
+    """Return type and kind of the first definition that a name can mean.
+
+    Raises:
+        RefusedError: the type is unknown.
+    """
+    found = next(_find(store, name), None)
+    if found is None:
+        raise RefusedError(_why_not(store, name))
+    return found
+
+
+def show_interface(name: str, choice: DefinitionSources) -> int:
+    """Print a definition, and below each field of another message the fields of that, behind tabs.
+
+    Raises:
+        DocumentError: a setting, a folder or a file cannot be used.
+        RefusedError: the type is unknown.
+    """
+    store = open_store(choice)
+    for i, part in enumerate(_parts(store, *_find_one(store, name))):
+        lines = part.text.split("\n")
+        for field in sorted(part.fields, key=lambda one: -one.line):
+            lines[field.line : field.line] = _nested(store, field.type, "\t")
+        put("---\n" * (i > 0) + "\n".join(lines).strip("\n"))
+    return 0
+
+
+def _nested(store: Store, name: str, pad: str) -> list[str]:
+    """Return the lines of the fields of a message; none for a type that is no message."""
+    fields = store.message(name).definition.fields if "/" in name else ()
+    return [line for f in fields for line in (f"{pad}{f.full_type} {f.name}", *_nested(store, f.type, f"{pad}\t"))]
+
+
+def show_prototype(name: str, choice: DefinitionSources) -> int:
+    """Print a message with its default values, in quotes for `topic pub`, as `ros2 interface proto` does.
+
+    Raises:
+        DocumentError: a setting, a folder or a file cannot be used.
+        RefusedError: the type is unknown.
+    """
+    store = open_store(choice)
+    found, kind = _find_one(store, name)
+    if kind == "msg":
+        part = store.message(found)
+    else:
+        part = store.service(found).request if kind == "srv" else store.action(found).goal
+    put(f'"{render(json.loads(part.encode_json(part.default())))}\n"')
+    return 0

@@ -1,39 +1,39 @@
-"""`service list`, `info` and `call`: list services, show their fields, and call them."""
+"""`service list`, `info`, `type`, `find` and `call`: list services, show their fields, and call them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_table, render
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_names, put_table, render
 from rosbridge_sim.cli.tools.tool_client import Bridge, ToolAnswer, absolute, words
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.schema.definitions.names import RENAMED_PACKAGES
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["call", "list_services", "show_service"]
+__all__ = ["call", "find_services", "list_services", "read_fields", "show_service", "show_service_word"]
 
 
 # list
 
 
-async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> int:
+async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_count: bool, is_json: bool) -> int:
     """Print all services, sorted by name.
 
     Args:
         is_verbose: with type and provider.
+        has_types: with type.
+        is_count: print only how many there are.
 
     Raises:
         RefusedError: rosapi refuses, or does not exist.
         BridgeError: there is no answer.
     """
     names = sorted(words(await bridge.ask("services"), "services"))
-    if not is_verbose:
-        if is_json:
-            put_json(names)
-        else:
-            for name in names:
-                put(safe(name))
+    if is_count or not (is_verbose or has_types):
+        put_json(len(names) if is_count else names) if is_json else put_names(names, is_count=is_count)
         return 0
     questions = [(question, {"service": name}) for name in names for question in ("service_type", "service_node")]
     answers = await bridge.ask_all(questions)
@@ -42,6 +42,8 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> i
     rows = list(zip(names, kinds, nodes, strict=True))
     if is_json:
         put_json([{"service": name, "type": kind, "provider": node} for name, kind, node in rows])
+    elif not is_verbose:
+        put_names(names, [kind or "?" for kind in kinds])
     else:
         put_table(("SERVICE", "TYPE", "PROVIDER"), [(name, kind or "?", node or "?") for name, kind, node in rows])
     return 0
@@ -49,6 +51,45 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> i
 
 def _word(answer: ToolAnswer, key: str) -> str:
     return str(answer.values.get(key) or "") if answer.is_ok and isinstance(answer.values, dict) else ""
+
+
+# type, node, find
+
+
+async def show_service_word(bridge: Bridge, name: str, key: str, *, is_json: bool) -> int:
+    """Print what rosapi says about a service in one word: its type, or its node.
+
+    Args:
+        key: field of the answer, as in the name of rosapi's service.
+
+    Raises:
+        RefusedError: there is no such service.
+        BridgeError: there is no answer.
+    """
+    service = absolute(name)
+    word = str((await bridge.ask(f"service_{key}", service=service)).get(key, ""))
+    if not word:
+        raise RefusedError(await _no_service(bridge, service))
+    put_json(word) if is_json else put(safe(word))
+    return 0
+
+
+async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> int:
+    """Print the services of a type, which may be spelled as in either generation.
+
+    Raises:
+        RefusedError: there is none, or no rosapi.
+        BridgeError: there is no answer.
+    """
+    short = type_name.replace("/srv/", "/")
+    spellings = (short, short.replace("/", "/srv/"))  # rosbridge_suite compares texts
+    answers = await bridge.ask_all([("services_for_type", {"type": one}) for one in spellings])
+    found = sorted({name for one in answers if isinstance(one.values, dict) for name in words(one.values, "services")})
+    if not found:
+        why = next((f": {safe(one.values)}" for one in answers if isinstance(one.values, str)), "")
+        raise RefusedError(f"no service of type {safe(type_name)} here{why}")
+    put_json(found) if is_json else put_names(found, is_count=is_count)
+    return 0
 
 
 # info
@@ -109,11 +150,12 @@ def _read_typedefs(answer: ToolAnswer) -> Iterator[str] | None:
     typedefs = answer.values.get("typedefs") if answer.is_ok and isinstance(answer.values, dict) else None
     if not isinstance(typedefs, list) or not typedefs or not all(isinstance(one, dict) for one in typedefs):
         return None
-    fields = {str(one.get("type")): _read_fields(one) for one in reversed(typedefs)}
+    fields = {str(one.get("type")): read_fields(one) for one in reversed(typedefs)}
     return _outline(str(typedefs[0].get("type")), lambda name: fields.get(name, ()), ())
 
 
-def _read_fields(typedef: Mapping[str, object]) -> Fields:
+def read_fields(typedef: Mapping[str, object]) -> Fields:
+    """Return type and name of each field in a typedef of rosapi; empty if it is malformed."""
     names, types, lengths = (typedef.get(key) for key in ("fieldnames", "fieldtypes", "fieldarraylen"))
     if not (isinstance(names, list) and isinstance(types, list) and isinstance(lengths, list)):
         return ()
@@ -157,10 +199,13 @@ def _outline(name: str, fields_of: Callable[[str], Fields], above: tuple[str, ..
 # call
 
 
-async def call(bridge: Bridge, name: str, args: object, patience: float | None, *, is_json: bool) -> int:
+async def call(
+    bridge: Bridge, name: str, type_name: str, args: object, patience: float | None, *, is_json: bool
+) -> int:
     """Call a service; print its answer and the server's status messages about it.
 
     Args:
+        type_name: type that the service must have, in the spelling of either generation; empty means any.
         args: the request, by name or by position.
         patience: longest wait for the answer [s]; None means no limit.
 
@@ -168,6 +213,8 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
         RefusedError: the service refuses, does not exist, or does not answer in time.
     """
     service = absolute(name)
+    if type_name:
+        await _check_type(bridge, service, type_name)
     wish = await bridge.send("set_level", level="warning")  # a simulator gives its reasons as warnings
     answer = await bridge.call(service, args, patience)
     for frame in bridge.take_inbox():
@@ -185,6 +232,21 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
     else:
         put(render(answer.values))
     return 0
+
+
+async def _check_type(bridge: Bridge, service: str, type_name: str) -> None:
+    """Refuse a call with the type of another service; a server that does not know the type is asked no further."""
+    with suppress(BridgeError):
+        (answer,) = await bridge.ask_all([("service_type", {"service": service})])
+        kind = _word(answer, "type")
+        if kind and _canonical(kind) != _canonical(type_name):
+            raise RefusedError(f"{safe(service)}: is of type {safe(kind)}, not {safe(type_name)}")
+
+
+def _canonical(type_name: str) -> str:
+    """Return a type's name without what differs between the generations."""
+    package, _, short = type_name.replace("/srv/", "/").partition("/")
+    return f"{RENAMED_PACKAGES.get(package, package)}/{short}"
 
 
 async def _near(bridge: Bridge, service: str) -> str:

@@ -19,7 +19,18 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["note", "put", "put_json", "put_lines", "put_record", "put_table", "read_body", "render"]
+__all__ = [
+    "leaves",
+    "note",
+    "put",
+    "put_json",
+    "put_lines",
+    "put_names",
+    "put_record",
+    "put_table",
+    "read_body",
+    "render",
+]
 
 
 # Output
@@ -39,6 +50,21 @@ def put_lines(text: str) -> None:
 def put_json(value: object) -> None:
     """Print a value as one line of JSON."""
     put(orjson.dumps(value).decode())
+
+
+def put_names(names: Sequence[str], types: Sequence[str] = (), *, is_count: bool = False) -> None:
+    """Print names, one per line, as the tools of ROS 2 do.
+
+    Args:
+        names: the names.
+        types: types of all, to print them behind, in brackets; empty prints none.
+        is_count: print only how many there are.
+    """
+    if is_count:
+        put(str(len(names)))
+        return
+    for i, name in enumerate(names):
+        put(safe(f"{name} [{types[i]}]" if types else name))
 
 
 def put_record(value: object) -> None:
@@ -120,6 +146,23 @@ _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off"})
 def _quote(text: str) -> str:
     quoted = text.replace("\\", "\\\\").replace('"', '\\"')
     return '"' + safe(quoted) + '"'
+
+
+def leaves(value: object, path: str = "", sign: str = ".") -> Iterator[tuple[str, object]]:
+    """Yield path and value of each part of a value that has no parts itself.
+
+    Args:
+        path: path of the value.
+        sign: stands between the names of a path; numbers of elements follow without it.
+    """
+    if isinstance(value, Mapping) and value:
+        for key, one in value.items():
+            yield from leaves(one, f"{path}{sign if path else ''}{key}", sign)
+    elif isinstance(value, list) and value:
+        for i, one in enumerate(value):
+            yield from leaves(one, f"{path}{i}", sign)
+    else:
+        yield path, value
 
 
 # Input

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from rosbridge_sim.cli.tools.sync_commands import why_silent
 from rosbridge_sim.cli.tools.text import note
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, answer_of, words
@@ -9,7 +11,16 @@ from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["Listener", "no_topic"]
+__all__ = ["Listener", "NoTopicError", "clock_of", "no_topic", "stamp_of"]
+
+CLOCK = "/clock"
+
+CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
+"""Types of a clock topic, which may have another name."""
+
+
+class NoTopicError(RefusedError):
+    """The server has no such topic."""
 
 
 class Listener:
@@ -17,16 +28,22 @@ class Listener:
 
     Without a given type, the topic must already exist, and a server that does not know it may not say so. So rosapi is
     asked at the same time. Messages do not wait for that answer, which may never come.
+
+    Attributes:
+        topic: its absolute name.
+        clock_ns: time of the watched clock when the last message came [ns]; None before the clock's first message.
     """
 
     def __init__(self, bridge: Bridge, topic: str) -> None:
         """Prepare; `open` subscribes."""
         self._bridge = bridge
-        self._topic = topic
+        self.topic = topic
         self._question: str | None = None
         self._question_ends: float | None = None
         self._complaint = ""
         self._num_messages = 0
+        self._clock: str | None = None
+        self.clock_ns: int | None = None
 
     @classmethod
     async def open(cls, bridge: Bridge, topic: str, type_name: str | None, *, throttle_ms: int = 0) -> Listener:
@@ -47,6 +64,20 @@ class Listener:
         listener._question_ends = bridge.now() + bridge.patience
         return listener
 
+    async def watch_clock(self) -> str | None:
+        """Subscribe to the server's clock, too; return its name, or None if there is none.
+
+        Raises:
+            RefusedError: there is no rosapi.
+            BridgeError: it does not answer.
+        """
+        answer = await self._bridge.ask("topics")
+        types = dict(zip(words(answer, "topics"), words(answer, "types"), strict=False))
+        self._clock = clock_of(types)
+        if self._clock is not None:
+            await self._bridge.send("subscribe", topic=self._clock, type=types[self._clock])
+        return self._clock
+
     async def expect(self, patience: float | None) -> Frame:
         """Return the next message.
 
@@ -60,7 +91,7 @@ class Listener:
         msg = await self.next(until)
         if msg is None:
             assert patience is not None, "only a wait with a limit ends without a message"
-            raise await why_silent(self._bridge, self._topic, patience)
+            raise await why_silent(self._bridge, self.topic, patience)
         return msg
 
     async def next(self, until: float | None = None) -> Frame | None:
@@ -87,7 +118,9 @@ class Listener:
     async def _judge(self, frame: Frame) -> Frame | None:
         """Return the message in a frame, if there is one."""
         op = frame.get("op")
-        if op == "publish" and absolute(str(frame.get("topic"))) == self._topic:
+        if op == "publish" and self._clock is not None and absolute(str(frame.get("topic"))) == self._clock:
+            self.clock_ns = stamp_of(frame.get("msg"), "clock")
+        if op == "publish" and absolute(str(frame.get("topic"))) == self.topic:
             self._num_messages += 1
             msg = frame.get("msg")
             return msg if isinstance(msg, dict) else {}
@@ -95,7 +128,7 @@ class Listener:
             self._question = self._question_ends = None
             values = answer_of(frame).values
             if isinstance(values, dict) and values.get("type") == "" and not self._num_messages:
-                raise await no_topic(self._bridge, self._topic, "; --type PKG/TYPE waits for one")
+                raise await no_topic(self._bridge, self.topic, "; --type PKG/TYPE waits for one")
             self._complain()
         if op == "status":
             self._hear(str(frame.get("level")), str(frame.get("msg")))
@@ -124,7 +157,7 @@ class Listener:
             raise RefusedError(safe(self._complaint))
 
 
-async def no_topic(bridge: Bridge, topic: str, advice: str = "") -> RefusedError:
+async def no_topic(bridge: Bridge, topic: str, advice: str = "") -> NoTopicError:
     """Return the error for a missing topic, with a suggestion.
 
     Args:
@@ -132,4 +165,28 @@ async def no_topic(bridge: Bridge, topic: str, advice: str = "") -> RefusedError
         advice: further text for the end of the error.
     """
     names = words(await bridge.ask("topics"), "topics")
-    return RefusedError(f"no topic {safe(topic)} here{hint(topic, names)}{advice}")
+    return NoTopicError(f"no topic {safe(topic)} here{hint(topic, names)}{advice}")
+
+
+def clock_of(types: Mapping[str, str]) -> str | None:
+    """Return the clock's topic; None if there is none.
+
+    Args:
+        types: name -> type of each topic.
+    """
+    clocks = [topic for topic, type_name in types.items() if type_name in CLOCK_TYPES]
+    return CLOCK if CLOCK in types else min(clocks, default=None)
+
+
+def stamp_of(msg: object, field: str) -> int:
+    """Return a time in a message, in the spelling of either generation [ns]; 0 if there is none.
+
+    Args:
+        field: name of its field.
+    """
+    stamp = msg.get(field) if isinstance(msg, dict) else None
+    if not isinstance(stamp, dict):
+        return 0
+    parts = [stamp.get(one, stamp.get(other, 0)) for one, other in (("secs", "sec"), ("nsecs", "nanosec"))]
+    secs, nsecs = (part if isinstance(part, int) and part >= 0 else 0 for part in parts)
+    return secs * 10**9 + nsecs

@@ -1,40 +1,66 @@
-"""`topic list`, `info`, `echo` and `pub`: list topics, show their state, print messages, and publish."""
+"""`topic list`, `info`, `type`, `find`, `echo` and `pub`: list topics, show them, print messages, and publish."""
 
 from __future__ import annotations
 
 import asyncio
 import re
+import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_record, put_table
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
-from rosbridge_sim.cli.tools.tool_subscription import Listener, no_topic
+from rosbridge_sim.cli.tools.service import read_fields
+from rosbridge_sim.cli.tools.text import leaves, note, put, put_json, put_names, put_record, put_table
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_in, words
+from rosbridge_sim.cli.tools.tool_subscription import Listener, NoTopicError, no_topic
 from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["FieldPath", "echo", "list_topics", "publish", "show_topic"]
+__all__ = [
+    "Echo",
+    "FieldPath",
+    "echo",
+    "find_topics",
+    "is_ros2",
+    "list_topics",
+    "positional_message",
+    "publish",
+    "show_topic",
+    "show_topic_type",
+    "types_of_topics",
+]
+
+LOOK_INTERVAL = 0.2
+"""Time between two questions for the subscribers of a topic [s]."""
 
 
-# list, info
+# list, info, type, find
 
 
-async def list_topics(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_json: bool) -> int:
-    """Print all topics, sorted by name.
+async def list_topics(
+    bridge: Bridge, namespace: str, *, is_verbose: bool, has_types: bool, is_count: bool, is_json: bool
+) -> int:
+    """Print topics, sorted by name.
 
     Args:
+        namespace: only topics in it; empty means all.
         is_verbose: with types, and with the nodes that publish and subscribe.
+        is_count: print only how many there are.
 
     Raises:
         RefusedError: rosapi refuses, or does not exist.
         BridgeError: there is no answer.
     """
-    values = await bridge.ask("topics")
-    names, types = words(values, "topics"), words(values, "types")
-    types += ["?"] * (len(names) - len(types))  # an older rosapi gives only names
-    topics = sorted(zip(names, types, strict=False))
-    if not is_verbose:
-        _put_topics(topics, has_types=has_types, is_json=is_json)
+    topics = sorted((await types_of_topics(bridge)).items())
+    if namespace:
+        inner = absolute(namespace).rstrip("/")
+        topics = [(name, kind) for name, kind in topics if name == inner or name.startswith(f"{inner}/")]
+    if is_json and (is_count or not is_verbose):
+        put_json(len(topics) if is_count else [{"topic": name, "type": kind} for name, kind in topics])
+        return 0
+    if is_count or not is_verbose:
+        put_names([name for name, _ in topics], [kind for _, kind in topics if has_types], is_count=is_count)
         return 0
     publishing, subscribing = await _who_is_who(bridge)
     if is_json:
@@ -50,16 +76,17 @@ async def list_topics(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_j
     return 0
 
 
-def _put_topics(topics: Sequence[tuple[str, str]], *, has_types: bool, is_json: bool) -> None:
-    if is_json:
-        put_json([{"topic": name, "type": kind} for name, kind in topics])
-    elif has_types:
-        width = max((len(name) for name, _ in topics), default=0)
-        for name, kind in topics:
-            put(f"{safe(name):{width}}  {safe(kind)}")
-    else:
-        for name, _ in topics:
-            put(safe(name))
+async def types_of_topics(bridge: Bridge) -> dict[str, str]:
+    """Return topic -> type of all topics.
+
+    Raises:
+        RefusedError: rosapi refuses, or does not exist.
+        BridgeError: there is no answer.
+    """
+    values = await bridge.ask("topics")
+    names, types = words(values, "topics"), words(values, "types")
+    types += ["?"] * (len(names) - len(types))  # an older rosapi gives only names
+    return dict(zip(names, types, strict=False))
 
 
 class _Names(dict[str, list[str]]):
@@ -87,23 +114,68 @@ def _list(names: Sequence[str]) -> str:
     return ", ".join(names) or "-"
 
 
-async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
+async def is_ros2(bridge: Bridge) -> bool:
+    """Return True if types have the spelling of ROS 2; not every rosapi has a service that tells the generation."""
+    return any("/msg/" in kind for kind in (await types_of_topics(bridge)).values())
+
+
+async def _type_of(bridge: Bridge, topic: str) -> str:
+    """Return a topic's type.
+
+    Raises:
+        RefusedError: there is no such topic.
+        BridgeError: there is no answer.
+    """
+    kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
+    if not kind:
+        raise await no_topic(bridge, topic)
+    return kind
+
+
+async def show_topic_type(bridge: Bridge, name: str, *, is_json: bool) -> int:
+    """Print a topic's type; see `_type_of` for errors."""
+    kind = await _type_of(bridge, absolute(name))
+    put_json(kind) if is_json else put(safe(kind))
+    return 0
+
+
+async def find_topics(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> int:
+    """Print the topics of a type, which may be spelled as in either generation.
+
+    Raises:
+        RefusedError: there is none, or no rosapi.
+        BridgeError: there is no answer.
+    """
+    types = await types_of_topics(bridge)
+    wanted = type_name.replace("/msg/", "/")
+    found = sorted(name for name, kind in types.items() if kind.replace("/msg/", "/") == wanted)
+    if not found:
+        raise RefusedError(f"no topic of type {safe(type_name)} here{hint(type_name, sorted(set(types.values())))}")
+    put_json(found) if is_json else put_names(found, is_count=is_count)
+    return 0
+
+
+async def show_topic(bridge: Bridge, name: str, *, is_verbose: bool, is_json: bool) -> int:
     """Print a topic's type, and its publishers and subscribers.
+
+    Args:
+        is_verbose: print each node as `ros2 topic info -v` does.
 
     Raises:
         RefusedError: there is no such topic.
         BridgeError: there is no answer.
     """
     topic = absolute(name)
-    kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
-    if not kind:
-        raise await no_topic(bridge, topic)
+    kind = await _type_of(bridge, topic)
     publishers = words(await bridge.ask("publishers", topic=topic), "publishers")
     subscribers = words(await bridge.ask("subscribers", topic=topic), "subscribers")
     if is_json:
         put_json({"topic": topic, "type": kind, "publishers": publishers, "subscribers": subscribers})
         return 0
     put(f"Type: {safe(kind)}")
+    if is_verbose:
+        _put_endpoints(kind, publishers, subscribers)
+        return 0
     for title, nodes in (("Publishers", publishers), ("Subscribers", subscribers)):
         put(f"\n{title}:{'' if nodes else ' None'}")
         for node in nodes:
@@ -111,7 +183,57 @@ async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
     return 0
 
 
+def _put_endpoints(kind: str, publishers: Sequence[str], subscribers: Sequence[str]) -> None:
+    for title, word, nodes in (("Publisher", "PUBLISHER", publishers), ("Subscription", "SUBSCRIPTION", subscribers)):
+        put(f"\n{title} count: {len(nodes)}")
+        for node in nodes:
+            namespace, _, short = absolute(node).rpartition("/")
+            put(f"\nNode name: {safe(short)}\nNode namespace: {safe(namespace) or '/'}")
+            put(f"Topic type: {safe(kind)}\nEndpoint type: {word}")
+
+
 # echo
+
+
+@dataclass(frozen=True, slots=True)
+class Echo:
+    """The form in which messages are printed.
+
+    Attributes:
+        is_json: one line of JSON per message.
+        is_csv: one line of all values per message, with commas between them.
+        has_header: the same with a line of names first, and with the time of arrival, as `rostopic echo -p` has them.
+        has_arrays, has_texts: print what is in lists, and texts.
+    """
+
+    is_json: bool = False
+    is_csv: bool = False
+    has_header: bool = False
+    has_arrays: bool = True
+    has_texts: bool = True
+
+    def put(self, value: object, *, is_first: bool) -> None:
+        """Print a message, or a part of it.
+
+        Args:
+            is_first: nothing was printed before.
+        """
+        value = self._shortened(value)
+        if self.is_csv or self.has_header:
+            found = list(leaves(value))
+            if self.has_header and is_first:
+                put(safe(",".join(["%time", *(f"field.{path}" if path else "field" for path, _ in found)])))
+            cells = [str(one) if isinstance(one, str) else to_json(one).decode() for _, one in found]
+            put(safe(",".join([str(time.time_ns()), *cells] if self.has_header else cells)))
+        else:
+            (put_json if self.is_json else put_record)(value)
+
+    def _shortened(self, value: object) -> object:
+        if isinstance(value, Mapping):
+            return {key: self._shortened(one) for key, one in value.items()}
+        if isinstance(value, list):
+            return [self._shortened(one) for one in value] if self.has_arrays else f"<array length: {len(value)}>"
+        return value if self.has_texts or not isinstance(value, str) else f"<string length: {len(value)}>"
 
 
 async def echo(
@@ -122,30 +244,45 @@ async def echo(
     count: int | None,
     *,
     patience: float | None,
-    is_json: bool,
+    form: Echo,
 ) -> int:
     """Print each message as it comes, up to a number.
 
     Args:
-        name: name of the topic.
+        name: name of the topic, or with the path of a field behind it, as in `rostopic echo /topic/field`.
         type_name: its type; None means that of an existing topic.
         field: a part of each message; None means all of it.
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.
-        is_json: print one line of JSON per message.
+        form: form of the output.
 
     Raises:
         RefusedError: the topic does not exist, or no message came in time.
     """
     listener = await Listener.open(bridge, absolute(name), type_name)
-    num_left = count
-    while num_left != 0:
-        msg = await listener.expect(patience)
-        value = msg if field is None else field.find(msg)
-        (put_json if is_json else put_record)(value)
-        if num_left is not None:
-            num_left -= 1
+    num_printed = 0
+    while num_printed != count:
+        try:
+            msg = await listener.expect(patience)
+        except NoTopicError:
+            topic, field = await _split_field(bridge, absolute(name), field)
+            if not topic:
+                raise
+            listener = await Listener.open(bridge, topic, None)
+            continue
+        form.put(msg if field is None else field.find(msg), is_first=not num_printed)
+        num_printed += 1
     return 0
+
+
+async def _split_field(bridge: Bridge, name: str, field: FieldPath | None) -> tuple[str, FieldPath | None]:
+    """Return the topic and the field of a name with both; an empty topic if it is none."""
+    topics = [one for one in await types_of_topics(bridge) if name.startswith(f"{one}/")]
+    topic = max(topics, key=len, default="")
+    try:
+        return (topic, FieldPath(name[len(topic) + 1 :].replace("/", "."))) if topic and field is None else ("", field)
+    except ValueError:
+        return "", field
 
 
 class FieldPath:
@@ -194,6 +331,52 @@ class FieldPath:
 # pub
 
 
+async def positional_message(bridge: Bridge, type_name: str, values: Sequence[object]) -> Frame:
+    """Return a message from the values of its fields in order, as `rostopic pub` takes them; a list may be a message.
+
+    Raises:
+        RefusedError: the server does not tell the fields, or there are more or fewer of them.
+        BridgeError: there is no answer.
+    """
+    answer = await bridge.ask("message_details", type=type_name)
+    fields = {str(one.get("type")): read_fields(one) for one in frames_in(answer, "typedefs")}
+
+    def fill(kind: str, value: object) -> object:
+        if not isinstance(value, list):
+            return value
+        if kind.endswith("]"):
+            return [fill(kind.partition("[")[0], one) for one in value]
+        parts = fields.get(kind)
+        if parts is None:
+            return value
+        if len(parts) != len(value):
+            names = ", ".join(safe(name) for _, name in parts)
+            raise RefusedError(f"MESSAGE: {safe(kind)}: expected {len(parts)} values ({names}); got {len(value)}")
+        return {name: fill(part, one) for (part, name), one in zip(parts, value, strict=True)}
+
+    root = next(iter(fields), "")
+    is_whole = len(values) == 1 and isinstance(values[0], list) and len(fields.get(root, ())) != 1
+    filled = fill(root, values[0] if is_whole else list(values))
+    if not isinstance(filled, dict):
+        raise RefusedError(
+            f"MESSAGE: expected an object such as '{{data: 1}}': the fields of {safe(type_name)} are unknown"
+        )
+    return filled
+
+
+async def _await_subscribers(bridge: Bridge, topic: str, number: int, patience: float) -> None:
+    """Wait for so many nodes that subscribe.
+
+    Raises:
+        RefusedError: there are fewer in time, or the server does not tell.
+    """
+    until = bridge.now() + patience
+    while len(words(await bridge.ask("subscribers", topic=topic), "subscribers")) < number:
+        if bridge.now() >= until:
+            raise RefusedError(f"{safe(topic)}: fewer than {number} nodes subscribe within {patience:g} s")
+        await _wait(bridge, bridge.now() + LOOK_INTERVAL, "")
+
+
 async def publish(
     bridge: Bridge,
     name: str,
@@ -203,6 +386,8 @@ async def publish(
     count: int | None,
     rate: float | None,
     is_latched: bool,
+    num_subscribers: int,
+    patience: float,
     is_json: bool,
 ) -> int:
     """Publish a message `count` times, or until Ctrl-C.
@@ -213,6 +398,8 @@ async def publish(
         count: number of messages; None means no end.
         rate: messages per second [Hz]; None publishes once, and then stays for later subscribers.
         is_latched: later subscribers get the last message.
+        num_subscribers: nodes that must subscribe before the first message.
+        patience: longest wait for them [s].
         is_json: print the result as JSON for programs.
 
     Raises:
@@ -222,6 +409,9 @@ async def publish(
     # Some refusals are warnings, such as a control that the simulator ignores; servers without levels send all.
     ignored = await bridge.send("set_level", level="warning")
     await bridge.send("advertise", topic=topic, type=type_name, latch=is_latched)
+    if num_subscribers:
+        note(f"waiting for at least {num_subscribers} matching subscription(s)...")
+        await _await_subscribers(bridge, topic, num_subscribers, patience)
     await bridge.send("publish", topic=topic, msg=msg)
     listeners = await _check(bridge, topic, ignored)
     num_sent = 1

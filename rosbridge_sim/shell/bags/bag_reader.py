@@ -40,7 +40,7 @@ if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.typesys.store import Typestore
 
-__all__ = ["read_recording"]
+__all__ = ["BagTypes", "open_reader", "read_recording"]
 
 _EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
 _FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are a name, not an ego's number
@@ -70,8 +70,8 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
     Raises:
         DocumentError: the bag is broken, is not a bag, or is too large.
     """
-    with _open(path) as bag:
-        types = _BagTypes(texts, is_ros1=path.suffix == ".bag")
+    with open_reader(path) as bag:
+        types = BagTypes(texts, is_ros1=path.suffix == ".bag")
         egos = _find_egos(bag, path, types, breathe)
         chosen = _choose(bag.connections, egos, reading)
         held = {one.msgtype for one in chosen}
@@ -94,7 +94,7 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
 
 
 def _taker(
-    connection: Connection, held: set[str], index: int, reading: RecordingBuilder, types: _BagTypes
+    connection: Connection, held: set[str], index: int, reading: RecordingBuilder, types: BagTypes
 ) -> Callable[[bytes, int], None]:
     """Return a function that takes the bytes of a topic's messages and their stamps in the bag [ns].
 
@@ -143,7 +143,7 @@ def _read_plans(
     bag: Reader1 | Reader2,
     path: Path,
     start_ns: int,
-    types: _BagTypes,
+    types: BagTypes,
     breathe: Callable[[], None],
     *,
     reading: RecordingBuilder,
@@ -205,7 +205,7 @@ def _read_plans(
     )
 
 
-def _plain_decoder(connection: Connection, types: _BagTypes) -> Callable[[bytes], object]:
+def _plain_decoder(connection: Connection, types: BagTypes) -> Callable[[bytes], object]:
     """Return a function from the bytes of a topic's messages to plain objects.
 
     Raises:
@@ -255,7 +255,7 @@ def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Rec
     return [one for one in held if one.topic in topics and one.msgtype in types]
 
 
-def _find_egos(bag: Reader1 | Reader2, path: Path, types: _BagTypes, breathe: Callable[[], None]) -> dict[str, int]:
+def _find_egos(bag: Reader1 | Reader2, path: Path, types: BagTypes, breathe: Callable[[], None]) -> dict[str, int]:
     """Return topic -> number of its ego.
 
     The number comes from the topic's prefix, or from its messages if several topics have other names.
@@ -279,7 +279,7 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, types: _BagTypes, breathe: Ca
 
 
 @contextmanager
-def _open(path: Path) -> Iterator[Reader1 | Reader2]:
+def open_reader(path: Path) -> Iterator[Reader1 | Reader2]:
     """Return a bag's reader.
 
     Raises:
@@ -329,7 +329,7 @@ def _messages(
         yield message[1], message[2]
 
 
-class _BagTypes:
+class BagTypes:
     """The types of a bag. Each is read and compiled once, which takes 10 to 50 ms: many topics may have one type.
 
     Attributes:

@@ -34,11 +34,10 @@ def test_list_prints_one_name_per_line(server: ServerProcess) -> None:
     assert done.lines == sorted(done.lines)
 
 
-def test_list_with_types_is_aligned(server: ServerProcess) -> None:
+def test_list_with_types_has_them_in_brackets(server: ServerProcess) -> None:
     lines = run("topic", "list", "--types", url=server.url).lines
     rows = dict(line.split() for line in lines)
-    assert rows["/Ego_topic"] == "morai_msgs/EgoVehicleStatus"
-    assert len({line.index(line.split()[1]) for line in lines}) == 1
+    assert rows["/Ego_topic"] == "[morai_msgs/EgoVehicleStatus]"
 
 
 def test_list_shows_publishers_and_subscribers(server: ServerProcess) -> None:
@@ -302,8 +301,9 @@ def test_pub_of_a_message_that_does_not_fit_its_type_shows_the_reason(
 
 
 def test_malformed_message_is_refused_without_a_connection() -> None:
-    done = run("topic", "pub", "/x", "std_msgs/String", "hello", url="ws://127.0.0.1:1")
-    assert (done.code, done.complaint) == (2, "MESSAGE: expected an object such as '{data: 1}'; got 'hello'")
+    done = run("topic", "pub", "/x", "std_msgs/String", "{data: ", url="ws://127.0.0.1:1")
+    assert done.code == 2
+    assert done.complaint.startswith("MESSAGE:1:8: expected JSON, or YAML such as '{x: 1}': ")
 
 
 @pytest.mark.slow

@@ -1,0 +1,162 @@
+"""The commands about bags: `rosbridge-sim bag ...` and `record`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from rosbridge_sim.cli.bridge_flags import COUNT, SECONDS, add_bridge, with_bridge
+from rosbridge_sim.cli.command_line import (
+    Options,
+    add_definitions,
+    add_json,
+    command_of,
+    definition_sources_of,
+    group_of,
+    make_number,
+    run_command,
+)
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import Parser
+
+if TYPE_CHECKING:
+    from rosbridge_sim.cli.tools.tool_client import Bridge
+
+__all__ = ["run_bag", "run_record"]
+
+_speed = make_number(0.001, 1e4, "a factor, at most 10,000", float)
+
+
+def run_bag(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim bag ...`."""
+    absent = dict.fromkeys(
+        ("check", "compress", "convert", "decompress", "filter", "fix", "migrate"),
+        "bags are not changed here; the tools of the PyPI package rosbags do that without ROS",
+    )
+    text = "Bag files: show, play, record and repair. Only play and record need a server."
+    group, add = group_of("bag", text, absent)
+
+    parser = add("info", _show_bag, "show duration, size and topics of a bag")
+    parser.add_argument("file", metavar="FILE", help=_BAG)
+    add_json(parser)
+
+    _add_play(add("play", _play, "publish the messages of a bag at their times; what the server owns is left out"))
+    _add_record(add("record", _record, "record topics of a rosbridge into a bag, until Ctrl-C"), "TOPIC")
+
+    for name in ("repair", "reindex"):
+        parser = add(name, _repair, "copy the complete parts of a bag, whose recorder was killed, into a new bag")
+        parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
+        parser.add_argument(
+            "-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, with the old suffix]"
+        )
+        add_json(parser)
+    return run_command(group, argv)
+
+
+_BAG = "NAME.bag, NAME.mcap, NAME.db3, or a folder of rosbag2"
+
+
+def _show_bag(options: Options) -> int:
+    from rosbridge_sim.cli.files.bag_info import show_bag  # noqa: PLC0415 - not before the command is known
+
+    return show_bag(options.file, is_json=options.json)
+
+
+def _repair(options: Options) -> int:
+    from rosbridge_sim.cli.files import bag_repair as bag  # noqa: PLC0415
+
+    return bag.repair_bag(options.file, options.output, is_json=options.json)
+
+
+# play
+
+
+def _add_play(parser: Parser) -> None:
+    parser.add_argument("file", metavar="FILE", help=_BAG)
+    parser.add_argument("-r", "--rate", type=_speed, default=1.0, metavar="FACTOR", help="play so much faster [1]")
+    parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end, until Ctrl-C")
+    text = "leave out the first SECONDS"
+    parser.add_argument("-s", "--start", "--start-offset", type=SECONDS, default=0.0, metavar="SECONDS", help=text)
+    text = "end after so many seconds of the bag"
+    parser.add_argument("-u", "--duration", type=SECONDS, default=1e9, metavar="SECONDS", help=text)
+    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics [all]")
+    text = "publish under other names"
+    parser.add_argument("-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW", help=text)
+    add_bridge(parser)
+    add_definitions(parser)
+
+
+def _play(options: Options) -> int:
+    from rosbridge_sim.cli.tools.bag_play import Selection, play  # noqa: PLC0415
+
+    pairs = [one.partition(":=") for one in options.remap]
+    if not all(old and new for old, _, new in pairs):
+        raise SettingError(f"--remap: expected OLD:=NEW; got {' '.join(options.remap)!r}")
+    selection = Selection(
+        tuple(options.topics), {old: new for old, _, new in pairs}, options.start, options.start + options.duration
+    )
+    options.end = 0 if options.loop else options.end
+    return with_bridge(
+        options,
+        lambda bridge: play(
+            bridge, options.file, selection, definition_sources_of(options), rate=options.rate, is_looping=options.loop
+        ),
+    )
+
+
+# record
+
+
+def run_record(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim record`."""
+    parser = command_of("record", _record, "Record topics of a rosbridge into a bag, until Ctrl-C.")
+    _add_record(parser, "FILE")
+    return run_command(parser, argv)
+
+
+def _add_record(parser: Parser, first: str) -> None:
+    """Add the flags of both commands.
+
+    Args:
+        first: meaning of the first word: `FILE`, unless -o names it; or `TOPIC`.
+    """
+    text = "NAME.bag is ROS 1, NAME.mcap ROS 2, else a folder of ROS 2"
+    is_bag = first == "TOPIC"
+    parser.add_argument("words", metavar="TOPIC" if is_bag else "FILE TOPIC", nargs="*", help=f"{text}; topics [all]")
+    default = "the time of day, as rosbag and ros2 bag do" if is_bag else "the first word"
+    parser.add_argument("-o", "-O", "--output", "--output-name", metavar="FILE", help=f"{text} [{default}]")
+    parser.add_argument("-a", "--all", action="store_true", help="all topics, which is the default")
+    parser.add_argument(
+        "-t",
+        "--topics",
+        action="append",
+        default=[],
+        metavar="PATTERN",
+        help="topics to record, such as '/Ego*'; repeatable [all]",
+    )
+    parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
+    add_bridge(parser, is_waiting=True)
+    add_definitions(parser)
+    parser.set_defaults(end=0, has_file=not is_bag)
+
+
+def _record(options: Options) -> int:
+    from rosbridge_sim.cli.tools import record  # noqa: PLC0415
+
+    words: list[str] = options.words
+    file = options.output or (words.pop(0) if options.has_file and words else None)
+    if file is None and options.has_file:
+        raise SettingError("the following arguments are required: FILE; see rosbridge-sim record --help")
+
+    async def work(bridge: Bridge) -> int:
+        return await record.record(
+            bridge,
+            file or await record.default_name(bridge),
+            (*options.topics, *words),
+            definition_sources_of(options),
+            options.count,
+            patience=options.wait,
+            is_json=options.json,
+        )
+
+    return with_bridge(options, work)

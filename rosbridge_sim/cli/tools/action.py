@@ -1,0 +1,156 @@
+"""`action ...`: the actions of a rosbridge, and goals for them."""
+
+from __future__ import annotations
+
+import asyncio
+
+from rosbridge_sim.cli.tools.text import put, put_json, put_names, render
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
+from rosbridge_sim.cli.tools.topic import types_of_topics
+from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.suggestions import hint
+
+__all__ = ["list_actions", "send_goal", "show_action", "show_action_type"]
+
+_STATUS = ("UNKNOWN", "ACCEPTED", "EXECUTING", "CANCELING", "SUCCEEDED", "CANCELED", "ABORTED")
+"""Word for each number of action_msgs/GoalStatus."""
+
+_SUCCEEDED = 4
+
+_GOAL = "ActionGoal"
+"""End of the type of the topic `NAME/goal` of ROS 1."""
+
+
+async def _actions(bridge: Bridge) -> dict[str, str]:
+    """Return action -> type, as far as that is known, else `?`.
+
+    Raises:
+        RefusedError: rosapi refuses, or does not exist. The same holds for the other functions here.
+        BridgeError: there is no answer.
+    """
+    names = sorted(words(await bridge.ask("action_servers"), "action_servers"))
+    answers = await bridge.ask_all([("action_type", {"action": name}) for name in names])
+    kinds = [str(one.values.get("type", "")) if isinstance(one.values, dict) else "" for one in answers]
+    topics = {} if all(kinds) else await types_of_topics(bridge)  # the rosapi of ROS 1 tells no types of actions
+    goals = [topics.get(f"{name}/goal", "") for name in names]
+    return {
+        name: kind or (goal.removesuffix(_GOAL) if goal.endswith(_GOAL) else "?")
+        for name, kind, goal in zip(names, kinds, goals, strict=True)
+    }
+
+
+async def _type_of(bridge: Bridge, action: str) -> str:
+    actions = await _actions(bridge)
+    if action not in actions:
+        raise RefusedError(f"no action {safe(action)} here{hint(action, actions)}")
+    return actions[action]
+
+
+async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> int:
+    """Print all actions.
+
+    Args:
+        has_types: with types.
+        is_count: print only how many there are.
+    """
+    actions = await _actions(bridge)
+    if is_json:
+        put_json(len(actions) if is_count else [{"action": name, "type": kind} for name, kind in actions.items()])
+    else:
+        put_names(list(actions), list(actions.values()) if has_types else (), is_count=is_count)
+    return 0
+
+
+async def show_action_type(bridge: Bridge, name: str, *, is_json: bool) -> int:
+    """Print the type of an action."""
+    kind = await _type_of(bridge, absolute(name))
+    put_json(kind) if is_json else put(safe(kind))
+    return 0
+
+
+async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bool) -> int:
+    """Print the nodes of an action; rosapi tells its clients only if it has the topics of ROS 1."""
+    action = absolute(name)
+    kind = await _type_of(bridge, action)
+    service, goal, status = await bridge.ask_all(
+        [
+            ("service_node", {"service": f"{action}/_action/cancel_goal"}),
+            ("publishers", {"topic": f"{action}/goal"}),
+            ("publishers", {"topic": f"{action}/status"}),
+        ]
+    )
+    clients, publishers = (
+        words(one.values, "publishers") if isinstance(one.values, dict) else [] for one in (goal, status)
+    )
+    node = str(service.values.get("node") or "") if isinstance(service.values, dict) else ""
+    servers = [node] if node else publishers
+    if is_json:
+        put_json({"action": action, "type": kind, "clients": clients, "servers": servers})
+        return 0
+    put(f"Action: {safe(action)}")
+    for title, nodes in (("clients", clients), ("servers", servers)):
+        put(f"Action {title}: {len(nodes) or 'unknown'}")
+        for one in nodes:
+            put(safe(f"    {one} [{kind}]" if has_types else f"    {one}"))
+    return 0
+
+
+async def send_goal(
+    bridge: Bridge, name: str, type_name: str, goal: Frame, *, has_feedback: bool, is_json: bool
+) -> int:
+    """Send a goal and print its result; cancel it on Ctrl-C.
+
+    Args:
+        type_name: type of the action; empty means the type that rosapi tells.
+        has_feedback: print the feedback, too.
+        is_json: print one line of JSON for each feedback, and for the result.
+
+    Raises:
+        RefusedError: there is no such action, the bridge takes no goals, or the goal does not succeed.
+    """
+    action = absolute(name)
+    kind = await _type_of(bridge, action)
+    (version,) = await bridge.ask_all([("get_ros_version", {})])
+    if not version.is_ok:  # rosbridge_suite of ROS 1 ignores the op
+        raise RefusedError(
+            f"this rosbridge of ROS 1 has no op for goals; rosbridge-sim topic pub --once {safe(action)}/goal"
+            f" {safe(kind)}{_GOAL} '{{goal: ...}}' sends one, and {safe(action)}/result has its result"
+        )
+    goal_id = await bridge.send(
+        "send_action_goal", action=action, action_type=type_name or kind, args=goal, feedback=has_feedback
+    )
+    if not is_json:
+        put(f"Sending goal:\n{_indented(goal)}")
+    try:
+        while True:
+            frame = await bridge.receive()
+            assert frame is not None, "a wait without a limit ends with a frame"
+            if frame.get("op") == "action_feedback" and frame.get("id") == goal_id:
+                values = frame.get("values")
+                put_json({"feedback": values}) if is_json else put(f"\nFeedback:\n{_indented(values)}")
+            elif frame.get("op") == "action_result" and frame.get("id") == goal_id:
+                return _end(action, frame, is_json=is_json)
+            elif frame.get("op") == "status" and frame.get("id") == goal_id and frame.get("level") == "error":
+                raise RefusedError(safe(str(frame.get("msg"))))
+    except asyncio.CancelledError:
+        await bridge.send("cancel_action_goal", action=action, id=goal_id)
+        raise
+
+
+def _end(action: str, frame: Frame, *, is_json: bool) -> int:
+    values, number = frame.get("values"), frame.get("status")
+    if frame.get("result") is False and isinstance(values, str):
+        raise RefusedError(safe(values))
+    status = _STATUS[number] if isinstance(number, int) and 0 <= number < len(_STATUS) else "UNKNOWN"
+    if is_json:
+        put_json({"result": values, "status": status})
+    else:
+        put(f"\nResult:\n{_indented(values)}\n\nGoal finished with status: {status}")
+    if number != _SUCCEEDED:
+        raise RefusedError(f"{safe(action)}: the goal has not succeeded: {status}")
+    return 0
+
+
+def _indented(value: object) -> str:
+    return "\n".join(f"    {line}" for line in render(value).splitlines())
