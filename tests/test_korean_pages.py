@@ -12,7 +12,7 @@ import pytest
 from tests.support import ROOT
 
 PAGES = {
-    "README.ko.md": ("README.md", "1207d8136611"),
+    "README.ko.md": ("README.md", "1bd8a3ff4e54"),
     "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
     "docs/ko/page.md": ("docs/guides/page.md", "a08c77d5f960"),
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
