@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from playwright.async_api import Page, expect
 
@@ -18,6 +20,9 @@ HIDE = """() => {
     document.dispatchEvent(new Event("visibilitychange"));
 }"""
 """Makes a page believe that its tab is hidden: a headless browser hides none."""
+
+
+NAMES_PLANNER = re.compile(r"^planner \(127\.0\.0\.1:\d+\) is the master of synchronous mode\.$")
 
 
 async def begin_drive(page: Page) -> None:
@@ -170,14 +175,38 @@ async def test_master_of_another_client_is_respected_and_named(serve: Serve, ope
         await client.start_sync(user_id="planner")
         drive = page.get_by_role("button", name="Drive by hand")
         await expect(drive).to_have_attribute("aria-disabled", "true")
-        await expect(drive).to_have_attribute("title", "planner is the master of synchronous mode.")
+        await expect(drive).to_have_attribute("title", NAMES_PLANNER)
         await choose_tab(page, "Time")
         await expect(page.locator(".time-state")).to_contain_text("planner")
         await page.get_by_role("button", name="Step", exact=True).press("Enter")
-        await expect(
-            page.get_by_text("planner is the master of synchronous mode.").locator("visible=true")
-        ).to_be_visible()
+        await expect(page.get_by_text(NAMES_PLANNER).locator("visible=true")).to_be_visible()
         assert (await client.wait_for("/SyncModeInfo"))["master_id"] == "planner"
+
+
+async def test_second_page_has_one_name_for_the_first_and_shows_what_is_in_force(
+    serve: Serve, open_page: OpenPage
+) -> None:
+    server = serve("--scenario", "town")
+    first, second = await open_page(server), await open_page(server)
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
+        await client.call("/sim/real_time_factor", {"factor": 0.3})
+        await expect(second.get_by_label("Real-time factor")).to_have_value("0.3")
+        for page in (first, second):
+            await expect(page.locator(".header-time")).to_have_text(re.compile(r"^Running, 0\.[0-3]\d ×$"))
+            await expect(page.locator(".header-activity")).to_have_text("Ego: waits for a command")
+            await choose_tab(page, "Time")
+        await first.get_by_label("Time step [ms]").fill("100")
+        await first.get_by_role("button", name="Take synchronous mode").click()
+        await choose_tab(first, "Ego")
+        await begin_drive(first)
+        await first.keyboard.down("w")
+        await first.keyboard.press(".")
+        name = re.compile(r"^\w+: another page \(127\.0\.0\.1:\d+\)$")
+        await expect(second.locator(".header-driver")).to_have_text(name)
+        driver, master = [await second.locator(f".header-{one}").inner_text() for one in ("driver", "master")]
+        assert driver.removeprefix("Driver: ") == master.removeprefix("Master: ")
+        await expect(second.get_by_label("Time step [ms]")).to_have_value("100")
+        await expect(second.locator(".header-time")).to_have_text("Synchronous, stands")
 
 
 async def test_another_client_that_publishes_commands_is_named(serve: Serve, open_page: OpenPage) -> None:

@@ -4,6 +4,8 @@ import { translate } from "./language.js";
 import { Layout } from "./layout.js";
 import { addPanels, makePanelContext } from "./panels/all_panels.js";
 import { showConnectionState } from "./panels/connection_state.js";
+import { makeUserId } from "./panels/context.js";
+import { DriversWatch } from "./panels/drivers_watch.js";
 import { listenToMapKeys } from "./panels/map_controls.js";
 import { makeMapStage } from "./panels/map_stage.js";
 import { DrawnTopics } from "./scene/drawn_topics.js";
@@ -19,8 +21,9 @@ function start() {
 
   const scene = new SceneStore(connection);
   const drawn = new DrawnTopics(connection, scene);
-  const mapView = makeMapStage({ connection, scene, drawn, texts: TEXTS }, layout.stage);
-  const context = makePanelContext({ connection, scene, drawn, mapView, showTab: (id) => layout.tabs.show(id), texts: TEXTS });
+  const drivers = new DriversWatch(connection, makeUserId(), TEXTS.clientNames);
+  const mapView = makeMapStage({ connection, scene, drawn, drivers, texts: TEXTS }, layout.stage);
+  const context = makePanelContext({ connection, scene, drawn, drivers, mapView, showTab: (id) => layout.tabs.show(id), texts: TEXTS });
   addPanels(context, layout);
   showConnectionState(context, layout);
   if (mapView !== null) {

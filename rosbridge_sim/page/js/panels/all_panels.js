@@ -2,8 +2,6 @@
 
 import { Actions } from "./actions.js";
 import { makeCodePanel } from "./code.js";
-import { makeUserId } from "./context.js";
-import { DriversWatch } from "./drivers_watch.js";
 import { makeDrawnPanel } from "./drawn.js";
 import { Driving } from "./driving.js";
 import { makeEgoPanel } from "./ego.js";
@@ -26,15 +24,14 @@ import { makeViewMenu } from "./view_menu.js";
 
 /**
  * Complete the context of the panels.
- * @param {Pick<PanelContext, "connection" | "scene" | "drawn" | "mapView" | "showTab" | "texts">} base @returns {PanelContext}
+ * @param {Pick<PanelContext, "connection" | "scene" | "drawn" | "drivers" | "mapView" | "showTab" | "texts">} base @returns {PanelContext}
  */
 export function makePanelContext(base) {
-  const { connection, scene, texts } = base;
+  const { connection, scene, drivers, texts } = base;
   const actions = new Actions(connection, texts.actions);
-  const time = new TimeWatch(connection, makeUserId(), texts.time.reasons);
+  const time = new TimeWatch(connection, drivers, texts);
   const timeControls = new TimeControls(actions, time, texts.time.actions);
-  const [drivers, ego] = [new DriversWatch(connection), new EgoWatch(connection, scene)];
-  return { ...base, actions, time, timeControls, drivers, ego, files: new ServerFiles(connection) };
+  return { ...base, actions, time, timeControls, ego: new EgoWatch(connection, scene), files: new ServerFiles(connection) };
 }
 
 /** @param {PanelContext} context @param {import("../layout.js").Layout} layout */

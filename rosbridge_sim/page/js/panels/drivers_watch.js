@@ -1,20 +1,48 @@
-// Who drives each ego, from `/sim/drivers`.
+// Who drives each ego and who moves time, from `/sim/drivers`; and the names of clients for the user.
 
 import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 /** @typedef {{unique_id: number, ctrl_mode: number, gear: number, driver: string, client: string, publishers: string[]}} EgoDriver */
-/** @typedef {{time_step: number, real_time_factor: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
+/** @typedef {{time_step: number, real_time_factor: number, master: string, master_clients: string[], barrier_members: string[], egos: EgoDriver[]}} DriversMessage */
+/** @typedef {typeof import("../texts.js").TEXTS.clientNames} NameTexts */
+
+/** Ids of pages as clients of synchronous mode; see `makeUserId`. */
+const PAGE_ID = /^page-[0-9a-z]+$/;
+
+/**
+ * The name of a client, the same wherever the page names it: its address, with its id while it is the master.
+ * @param {string} address @param {string} ownAddress of this page; empty: not known yet
+ * @param {Pick<DriversMessage, "master" | "master_clients" | "barrier_members"> | null} message @param {NameTexts} texts
+ */
+export function nameOfClient(address, ownAddress, message, texts) {
+  if (address === ownAddress) {
+    return texts.thisPage;
+  }
+  const isMaster = message !== null && message.barrier_members.length === 0 && message.master_clients.includes(address);
+  return isMaster ? nameOfMaster({ ...message, master_clients: [address] }, texts) : texts.client(address);
+}
+
+/**
+ * The name of a master that is another client.
+ * @param {Pick<DriversMessage, "master" | "master_clients" | "barrier_members">} message @param {NameTexts} texts
+ */
+export function nameOfMaster({ master, master_clients: addresses, barrier_members: members }, texts) {
+  const name = PAGE_ID.test(master) ? texts.otherPage : master;
+  return members.length ? members.join(", ") : addresses.length ? `${name} (${addresses.join(", ")})` : name;
+}
 
 export class DriversWatch {
   changes = new Takers();
   onChange = this.changes.addNow;
 
-  /** @param {Connection} connection */
-  constructor(connection) {
+  /** @param {Connection} connection @param {string} userId of this page @param {NameTexts} texts */
+  constructor(connection, userId, texts) {
+    this.userId = userId;
+    this.texts = texts;
     /** @type {DriversMessage | null} */
     this.message = null;
-    /** Address of this page as the server knows it, from the answer of `/sim/control_lease`; empty before. */
+    /** Address of this page as the server knows it, from the answer of `/sim/control_lease` or as the master; empty before. */
     this.ownAddress = "";
     connection.subscribe("/sim/drivers", "rosbridge_sim_msgs/Drivers", (message) => this.take(message));
     connection.onState((state) => {
@@ -28,7 +56,15 @@ export class DriversWatch {
   /** @param {DriversMessage | null} message */
   take(message) {
     this.message = message;
+    if (message?.master === this.userId) {
+      this.ownAddress = message.master_clients[0] ?? this.ownAddress;
+    }
     this.changes.tell();
+  }
+
+  /** @param {string} address */
+  nameOf(address) {
+    return nameOfClient(address, this.ownAddress, this.message, this.texts);
   }
 
   /** @param {number} number of the ego @returns {EgoDriver | null} */

@@ -257,7 +257,7 @@ export class Driving {
     this.state.hidden = this.live.hidden = !isOn;
     const others = context.drivers.otherPublishers(isOn ? this.ego : context.ego.number);
     this.warning.hidden = others.length === 0;
-    setText(this.warning, others.length ? texts.otherPublishers(others.join(", ")) : "");
+    setText(this.warning, others.length ? texts.otherPublishers(others.map((one) => context.drivers.nameOf(one)).join(", ")) : "");
     this.changes.tell(isOn);
   }
 

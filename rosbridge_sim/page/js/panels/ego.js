@@ -55,7 +55,7 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
     charts.pin(scene.past?.time ?? null);
     const driver = scene.past === null ? drivers.ofEgo(ego.number) : null; // of the past nothing tells who drove
     const mode = driver ? (texts.modes[driver.ctrl_mode] ?? String(driver.ctrl_mode)) : texts.none;
-    const who = driver ? driverText(driver, drivers.ownAddress, texts) : texts.none;
+    const who = driver ? driverText(driver, drivers, texts) : texts.none;
     instruments.showState({ gear: driver?.gear ?? 0, mode, driver: who, lamps: driver || scene.past ? lampsOf(scene, ego.number) : 0 });
   };
   scene.onState(showState);
@@ -64,14 +64,11 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
 
 /**
  * Who drives an ego, in words.
- * @param {import("./drivers_watch.js").EgoDriver} ego @param {string} ownAddress of this page
+ * @param {import("./drivers_watch.js").EgoDriver} ego @param {import("./drivers_watch.js").DriversWatch} drivers
  * @param {import("../layout.js").Texts["ego"]} texts
  */
-export function driverText({ driver, client }, ownAddress, texts) {
-  if (driver !== "client") {
-    return texts.drivers[driver] ?? driver;
-  }
-  return client === ownAddress ? texts.thisPage : texts.client(client);
+export function driverText({ driver, client }, drivers, texts) {
+  return driver === "client" ? drivers.nameOf(client) : (texts.drivers[driver] ?? driver);
 }
 
 /** Bits of the lamps of an ego. @param {import("../scene/store.js").SceneStore} scene @param {number} number */

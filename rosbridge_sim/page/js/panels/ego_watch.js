@@ -4,7 +4,8 @@ import { lightMaterial } from "../scene/light_bars.js";
 import { MATERIALS } from "../scene/materials.js";
 import { kindOfWay, TIMELINE_SPAN } from "../scene/timeline.js";
 import { egoName } from "../wire/requests.js";
-import { egoValues, sceneValues } from "./ego_values.js";
+import { activityOf, isAtRedLight } from "./ego_activity.js";
+import { egoValues, LAMP_BITS, sceneValues } from "./ego_values.js";
 import { LaneIndex } from "./lane_offset.js";
 import { Takers } from "../wire/takers.js";
 
@@ -135,6 +136,18 @@ export class EgoWatch {
         timeline.mark(kind, kind === "red" ? after.light : `${before.link}, ${after.link}`, time);
       }
     }
+  }
+
+  /** Return what the ego does now, also while the past is shown. @param {string} driver as in `/sim/drivers` */
+  activity(driver) {
+    const { live, map } = this.scene;
+    const ego = this.scene.egos(live).find(({ number }) => number === this.number);
+    if (live === null || ego === undefined) {
+      return null;
+    }
+    const { x, y, heading, speed, row } = ego;
+    const isAtRed = () => map !== null && isAtRedLight(ego, this.lanes?.nearest(x, y, heading)?.link ?? "", map, live.light_state);
+    return activityOf({ speed, isBraking: (Number(live.lamps[row]) & LAMP_BITS.brake) !== 0, driver, isAtRed });
   }
 
   /** @param {EgoValues} values */

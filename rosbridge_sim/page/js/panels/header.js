@@ -3,8 +3,8 @@
 import { chooseLanguage, otherLanguage } from "../language.js";
 import { element, setText } from "../widgets/dom.js";
 import { driverText } from "./ego.js";
-import { SCENARIOS_ID, timeStateText } from "./time.js";
-import { isLedByOthers } from "./time_state.js";
+import { SCENARIOS_ID } from "./time.js";
+import { isLedByOthers, paceText, timeStateText } from "./time_state.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
@@ -26,20 +26,29 @@ export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, 
   end.onclick = () => driving.end();
   driving.onChange((isOn) => void (end.hidden = !isOn));
   const state = element("span", { className: "header-time" });
+  const activity = element("span", { className: "header-activity" });
+  const master = element("span", { className: "header-master" });
   const frame = element("span", { className: "header-frame" });
   const driver = element("span", { className: "header-driver" });
   const show = () => {
-    const { kind, frame: number } = time.state;
-    setText(state, kind === "unknown" ? "" : timeStateText(time.state, texts.time));
+    const { kind, frame: number, master: name } = time.state;
+    const isKnown = kind !== "unknown";
+    const words = [timeStateText(time.state, texts.time.states), paceText(time.state, time.factor, texts.time)];
+    setText(state, isKnown ? words.filter(Boolean).join(", ") : "");
     state.dataset.kind = isLedByOthers(time.state) ? "led" : kind;
-    setText(frame, kind === "unknown" ? "" : texts.time.headerFrame(number));
+    setText(master, kind === "synchronous" ? texts.time.master(name || texts.time.noMaster) : "");
+    setText(frame, isKnown ? texts.time.headerFrame(number) : "");
     const one = drivers.ofEgo(ego.number);
-    setText(driver, one ? texts.ego.headerDriver(driverText(one, drivers.ownAddress, texts.ego)) : "");
+    setText(driver, one ? texts.ego.headerDriver(driverText(one, drivers, texts.ego)) : "");
+    const does = one && ego.activity(one.driver);
+    setText(activity, does ? texts.ego.headerActivity(ego.number, texts.ego.activities[does]) : "");
+    activity.dataset.activity = does ?? "";
   };
   time.onChange(show);
   drivers.onChange(show);
   ego.onChoice(show);
-  return element("span", { className: "header-panel" }, scenario, makeLanguageSwitch(texts.page), state, frame, driver, end);
+  scene.onLive(show);
+  return element("span", { className: "header-panel" }, state, activity, master, frame, driver, end, scenario, makeLanguageSwitch(texts.page));
 }
 
 /** @param {PanelContext["texts"]["page"]} texts @returns {HTMLElement} */

@@ -10,7 +10,7 @@ import { ObjectCard } from "./object_card.js";
 /**
  * Put the map on the stage.
  * @param
- * {{connection: import("../wire/connection.js").Connection, scene: import("../scene/store.js").SceneStore, drawn: import("../scene/drawn_topics.js").DrawnTopics, texts: import("../layout.js").Texts}}
+ * {Pick<import("./context.js").PanelContext, "connection" | "scene" | "drawn" | "drivers" | "texts">}
  * context
  * @param {HTMLElement} stage @returns {MapView | null} null without WebGL 2
  */

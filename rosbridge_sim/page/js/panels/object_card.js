@@ -12,13 +12,15 @@ const ASK_EVERY = 1000;
 /** The card. */
 export class ObjectCard {
   /**
-   * @param {{connection: Connection, scene: SceneStore, texts: import("../layout.js").Texts}} context
+   * @param {Pick<import("./context.js").PanelContext, "connection" | "scene" | "drivers" | "texts">} context
    * @param {import("../drawing/map_view.js").MapView | null} view
    */
-  constructor({ connection, scene, texts }, view) {
+  constructor({ connection, scene, drivers, texts }, view) {
     this.connection = connection;
+    this.drivers = drivers;
     this.scene = scene;
     this.texts = texts.objectCard;
+    this.controllers = texts.ego.drivers;
     this.names = texts.mapView;
     this.title = element("h2", {});
     this.does = element("p", { className: "does" });
@@ -98,7 +100,7 @@ export class ObjectCard {
     this.setRow(texts.next, (answer?.next_links ?? []).join(", "));
     this.setRow(texts.place, this.names.coordinates(state.x[row].toFixed(1), state.y[row].toFixed(1)));
     this.setRow(texts.heading, `${((state.heading[row] * 180) / Math.PI).toFixed(0)}°`);
-    this.setRow(texts.controlled, answer ? `${answer.controlled_by} ${answer.client}`.trim() : "");
+    this.setRow(texts.controlled, answer?.client ? this.drivers.nameOf(answer.client) : (this.controllers[answer?.controlled_by] ?? ""));
     this.setRow(texts.follows, answer?.follows ? texts.gap(this.nameOf(answer.lead_id), answer.gap.toFixed(1)) : "");
     this.setRow(texts.stops, answer?.stops_for ? this.stopText(answer) : "");
     this.setRow(texts.givesWay, answer?.gives_way ? this.nameOf(answer.gives_way_to) : "");

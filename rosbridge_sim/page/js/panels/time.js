@@ -6,18 +6,15 @@ import { element, setText } from "../widgets/dom.js";
 import { makeReplayControls } from "./replay.js";
 import { makeScenarioList } from "./scenarios.js";
 import { makeSnapshotList } from "./snapshots.js";
-import { isLedByOthers, masterName } from "./time_state.js";
+import { isLedByOthers, paceText, timeStateText } from "./time_state.js";
 import { FRAME_S } from "./time_watch.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
-/** @typedef {import("./time_state.js").TimeState} TimeState */
 
 /** Id of the list of scenarios, which the header opens. */
 export const SCENARIOS_ID = "scenarios";
 /** Most steps in one call of the server. */
 const MOST_STEPS = 1000;
-/** Figures that no message brings (a rate of 0) are shown anew so often [ms]. */
-const REFRESH = 500;
 /** Factors to choose from; 0 is as fast as possible. */
 const FACTORS = [0.1, 0.25, 0.5, 1, 2, 4, 10, 20, 0];
 
@@ -42,34 +39,29 @@ function section(title, content, id) {
   return element("section", { id, tabIndex: id ? -1 : undefined, className: "subsection", "aria-label": title }, element("h3", {}, title), content);
 }
 
-/** The state in words. @param {TimeState} state @param {import("../layout.js").Texts["time"]} texts */
-export function timeStateText(state, texts) {
-  if (state.kind !== "synchronous") {
-    return state.isReplay ? texts.states.replay(state.isPaused) : texts.states[state.kind];
-  }
-  const name = state.isOwn ? texts.ownMaster : masterName(state) || texts.noMaster;
-  return texts.states.synchronous(name, state.isPaused);
-}
-
 /** @param {PanelContext} context */
 function makeFigures({ time, texts: { time: texts } }) {
-  const state = element("p", { className: "time-state", role: "status" });
+  const words = element("span", { role: "status" });
+  const pace = element("span", {}); // it changes all the time, and a screen reader is not to tell of that
+  const state = element("p", { className: "time-state" }, words, pace);
   const names = /** @type {const} */ (["frame", "simTime", "timeStep", "ticks", "factor", "members"]);
   const values = names.map((name) => ({ name, value: element("dd", {}), label: element("dt", {}, texts.figures[name]) }));
   const list = element("dl", { className: "figures" }, ...values.map(({ label, value }) => element("div", {}, label, value)));
   const show = () => {
-    const { frame, kind, members } = time.state;
-    setText(state, timeStateText(time.state, texts));
+    const { frame, kind, master, members, timeStep } = time.state;
+    const { factor } = time;
+    const isInSteps = kind === "synchronous";
+    const pacing = paceText(time.state, factor, texts);
+    setText(words, timeStateText(time.state, texts.states) + (isInSteps ? `, ${texts.master(master || texts.noMaster)}` : ""));
+    setText(pace, pacing && `, ${pacing}`);
     state.dataset.kind = isLedByOthers(time.state) ? "led" : kind;
-    const rate = time.frameRate;
-    const framesOfTick = time.timeStep / 1000 / FRAME_S;
     /** @type {Record<string, string>} */
     const shown = {
       frame: String(frame),
       simTime: `${(frame * FRAME_S).toFixed(2)} s`,
-      timeStep: kind === "synchronous" && time.timeStep ? `${time.timeStep} ms` : texts.none,
-      ticks: kind === "synchronous" && framesOfTick ? `${(rate / framesOfTick).toFixed(1)} /s` : texts.none,
-      factor: `${(rate * FRAME_S).toFixed(2)} ×`,
+      timeStep: isInSteps && timeStep ? `${timeStep} ms` : texts.none,
+      ticks: isInSteps && timeStep && factor !== null ? `${((factor * 1000) / timeStep).toFixed(1)} /s` : texts.none,
+      factor: factor === null ? texts.none : `${factor.toFixed(2)} ×`,
       members: members.join(", "),
     };
     for (const { name, value, label } of values) {
@@ -78,7 +70,6 @@ function makeFigures({ time, texts: { time: texts } }) {
     }
   };
   time.onChange(show);
-  setInterval(() => document.hidden || show(), REFRESH);
   return element("div", {}, state, list);
 }
 
@@ -109,6 +100,11 @@ function makeTransport({ time, timeControls: controls, texts: { time: texts } },
     }),
   };
   time.onChange(() => {
+    const { kind, master, timeStep: inForce } = time.state;
+    timeStep.disabled = kind === "synchronous" && master !== "" && inForce > 0; // the mode has one already
+    if (timeStep.disabled) {
+      timeStep.value = String(inForce);
+    }
     for (const [name, part] of Object.entries(buttons)) {
       part.setReason(time.reasons[/** @type {"pause"} */ (name)]);
     }
@@ -129,13 +125,12 @@ function makeTransport({ time, timeControls: controls, texts: { time: texts } },
 }
 
 /** @param {PanelContext} context @param {Notice} notice */
-function makeFactor({ time, timeControls: controls, texts: { time: texts } }, notice) {
+function makeFactor({ time, drivers, timeControls: controls, texts: { time: texts } }, notice) {
   const choice = element(
     "select",
     {},
     ...FACTORS.map((factor) => element("option", { value: String(factor) }, texts.factorName(factor))),
   );
-  choice.value = "1";
   const set = new ActionButton({
     ...texts.buttons.factor,
     notice,
@@ -145,6 +140,17 @@ function makeFactor({ time, timeControls: controls, texts: { time: texts } }, no
     },
   });
   time.onChange(() => set.setReason(time.reasons.factor));
+  let inForce = NaN;
+  drivers.onChange(() => {
+    const factor = drivers.message?.real_time_factor ?? inForce;
+    if (factor !== inForce) { // what the user has chosen meanwhile stays
+      inForce = factor;
+      if (![...choice.options].some(({ value }) => value === String(factor))) {
+        choice.append(element("option", { value: String(factor) }, texts.factorName(factor)));
+      }
+      choice.value = String(factor);
+    }
+  });
   return element("div", { className: "button-row" }, labelled(texts.factor, choice), set.element);
 }
 

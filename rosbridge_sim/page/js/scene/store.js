@@ -89,9 +89,8 @@ export class SceneStore {
     this.takeState(stateOfView(view));
   }
 
-  /** Return the egos of the last state. @returns {SceneEgo[]} */
-  egos() {
-    const { state } = this;
+  /** Return the egos of a state. @param {SceneState | null} [state] - left out: the one that is shown @returns {SceneEgo[]} */
+  egos(state = this.state) {
     /** @type {SceneEgo[]} */
     const egos = [];
     for (let row = 0; state !== null && row < state.kind.length; row += 1) {

@@ -29,7 +29,10 @@ export function makeClientsPart({ connection, drivers, texts: { graph: { clients
         key: "address",
         title: texts.address,
         value: (client) => client.address,
-        text: (client) => (client.address === drivers.ownAddress ? `${client.address} (${texts.thisPage})` : client.address),
+        text: ({ address }) => {
+          const name = drivers.nameOf(address); // the address itself stays, because it is in the log, too
+          return name.includes(address) ? name : `${address} (${name})`;
+        },
         hint: (client) => lostText(client, texts.lost),
       },
       { key: "time", title: texts.time, value: age, text: (client) => durationText(age(client)), isMinor: true },
