@@ -93,11 +93,13 @@ async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_th
         await press(page, "Show")
         cards = page.locator(".sensor-card")
         await expect(cards).to_have_count(2)
+        await expect(cards.locator(".sensor-waiting").first).to_have_text("Comes with the next step.")
         for _ in range(2):  # each keeps its own
             for name, size in (("Camera", "320 . 240 pixels"), ("Left", "160 . 120 pixels")):
                 card = cards.filter(has=page.get_by_text(name, exact=True))
                 await card.scroll_into_view_if_needed()
                 await tick_until(client, expect(card.get_by_text(re.compile(size))).to_be_visible())
+        await expect(cards.locator(".sensor-waiting:visible")).to_have_count(0)
         ahead = cards.first.locator("canvas.sensor-boxes")
         await cards.first.scroll_into_view_if_needed()
         await tick_until(client, expect(ahead).to_have_attribute("data-boxes", re.compile("[1-9]")))
@@ -131,6 +133,8 @@ async def test_points_of_a_lidar_are_on_the_map_while_it_is_shown(
         await client.start_sync(step_ms=100)  # a turn of the lidar
         await until(page, lambda pixels: num(pixels) < 100, client.tick)
         await press(page, "Show")
+        await expect(page.get_by_text("velodyne: Comes with the next step.")).to_be_visible()
         await until(page, lambda pixels: num(pixels) > 500, client.tick)
+        await expect(page.get_by_text("The points of velodyne are on the map.")).to_be_visible()
         await press(page, "Hide")
         await until(page, lambda pixels: num(pixels) < 100, client.tick)

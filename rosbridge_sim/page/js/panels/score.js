@@ -24,7 +24,7 @@ const SCORE_FIELDS = /** @type {const} */ ([
 ]);
 
 /** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
-export function makeScorePanel({ connection, actions, ego, texts: { score: texts } }) {
+export function makeScorePanel({ connection, actions, ego, time, texts: { score: texts, time: { nextStep } } }) {
   const notice = new Notice();
   const values = new Map(SCORE_FIELDS.map(([name]) => [name, element("dd", {})]));
   const figures = SCORE_FIELDS.map(([name]) => element("div", {}, element("dt", {}, texts.fields[name]), values.get(name)));
@@ -32,10 +32,18 @@ export function makeScorePanel({ connection, actions, ego, texts: { score: texts
   const hint = element("p", { className: "hint" }, texts.hint);
   /** @type {{close: () => void} | null} */
   let subscription = null;
+  let hasScore = false;
+  const showHint = () => {
+    setText(hint, subscription === null ? texts.hint : nextStep);
+    hint.hidden = subscription !== null && (hasScore || !time.isStanding);
+  };
+  time.onChange(showHint);
 
   /** @param {{scores: Record<string, number>[]}} message */
   const show = ({ scores }) => {
     const score = scores.find(({ unique_id: id }) => id === ego.number);
+    hasScore = score !== undefined;
+    showHint();
     for (const [name, digits, unit] of SCORE_FIELDS) {
       const value = score?.[name];
       const isKnown = value !== undefined && !(name === "min_time_to_collision" && value < 0);
@@ -55,7 +63,7 @@ export function makeScorePanel({ connection, actions, ego, texts: { score: texts
       }
       const isOn = subscription !== null;
       list.hidden = reset.element.hidden = !isOn;
-      hint.hidden = isOn;
+      showHint();
       toggle.setFace(isOn ? texts.stop : texts.start);
     },
   });

@@ -3,7 +3,7 @@
 
 import { egoName } from "../wire/requests.js";
 import { ActionButton, Notice } from "../widgets/action_button.js";
-import { element } from "../widgets/dom.js";
+import { element, setText } from "../widgets/dom.js";
 import { whileSeen } from "../widgets/seen.js";
 import { ImageView } from "./graph/image_view.js";
 
@@ -15,7 +15,7 @@ const PICTURE_THROTTLE = 100;
 
 /** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeSensorsPanel(context) {
-  const { connection, drawn, ego } = context;
+  const { connection, drawn, ego, time } = context;
   const texts = context.texts.sensors;
   const notice = new Notice();
   const cards = element("div", { className: "sensor-cards" });
@@ -44,13 +44,17 @@ export function makeSensorsPanel(context) {
     const lidars = sensors.filter(({ kind }) => kind === "lidar3d");
     notice.show(answer.message || (cameras.length + lidars.length ? "" : texts.none));
     cameras.forEach((camera) => {
-      const card = makeCard(context, camera, cameras, cards);
+      const { card, end } = makeCard(context, camera, cameras, cards);
       cards.append(card);
-      ends.push(() => card.remove()); // it may be over the map
+      ends.push(end);
     });
     lidars.forEach((lidar) => {
-      ends.push(drawn.want(lidar.topics[0] ?? egoName(number, "/lidar3D"), "sensor_msgs/PointCloud2"));
-      cards.append(element("p", { className: "hint" }, texts.lidar(lidar.frame_id)));
+      const topic = lidar.topics[0] ?? egoName(number, "/lidar3D");
+      const state = element("p", { className: "hint" });
+      const show = () => setText(state, drawn.topics.get(topic)?.kept.size ? texts.lidar(lidar.frame_id) : `${lidar.frame_id}: ${waitingText(context)}`);
+      ends.push(drawn.want(topic, "sensor_msgs/PointCloud2"), time.changes.add(show));
+      cards.append(state);
+      show();
     });
     ends.push(() => {}); // there may be none, and this list is shown
   };
@@ -70,17 +74,25 @@ export function makeSensorsPanel(context) {
   return { element: element("div", {}, hint, element("div", { className: "button-row" }, toggle.element), notice.element, cards), title: texts.title };
 }
 
+/** What is told until the first picture has come. @param {PanelContext} context */
+function waitingText({ time, texts }) {
+  return time.isStanding ? texts.time.nextStep : texts.sensors.drawing;
+}
+
 /**
  * @param {PanelContext} context @param {SensorInfo} camera @param {SensorInfo[]} cameras - of the ego, which may share a topic
  * @param {HTMLElement} place - of the card
  */
-function makeCard({ connection, texts }, camera, cameras, place) {
+function makeCard(context, camera, cameras, place) {
+  const { connection, time, texts } = context;
   const view = new ImageView({ ...texts.graph.image, label: camera.frame_id });
   const { picture, encoding, width, height } = JSON.parse(camera.settings);
   const canvas = element("canvas", { className: "sensor-boxes", width, height });
+  const waiting = element("p", { className: "sensor-waiting" });
+  const endWaiting = time.onChange(() => setText(waiting, waitingText(context)));
   const large = element("button", { type: "button", className: "small", "aria-pressed": "false", title: texts.sensors.largeHint }, texts.sensors.large);
   const caption = element("figcaption", { dataset: { live: texts.sensors.live } }, camera.frame_id);
-  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, view.element, canvas), element("div", { className: "strip-label" }, caption, large));
+  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, waiting, view.element, canvas), element("div", { className: "strip-label" }, caption, large));
   card.style.setProperty("--aspect", String(width / height));
   large.onclick = () => {
     const isLarge = card.classList.toggle("is-large");
@@ -93,14 +105,23 @@ function makeCard({ connection, texts }, camera, cameras, place) {
   const options = /** @type {const} */ ({ throttleMs, queueLength: cameras.length, encoding: "cbor" });
   /** @param {{header: {frame_id: string}}} message */
   const isOwn = ({ header }) => header.frame_id.split("/").at(-1) === camera.frame_id;
+  /** @param {any} message */
+  const show = (message) => {
+    waiting.hidden = true;
+    view.show(type, message);
+  };
   whileSeen(card, () => {
     const subscriptions = [
-      connection.subscribe(topic, type, (message) => isOwn(message) && view.show(type, message), options),
+      connection.subscribe(topic, type, (message) => isOwn(message) && show(message), options),
       connection.subscribe(boxesTopic, "rosbridge_sim_msgs/BoundingBoxes", (message) => isOwn(message) && drawBoxes(canvas, message.boxes), { ...options, encoding: "json" }),
     ];
     return () => subscriptions.forEach((subscription) => subscription.close());
   });
-  return card;
+  const end = () => {
+    endWaiting();
+    card.remove(); // it may be over the map
+  };
+  return { card, end };
 }
 
 /**

@@ -67,4 +67,9 @@ export class TimeWatch {
     const rate = isOwn && !this.messages.isMoving ? 0 : this.rate.at(performance.now()); // nobody else moves the world of this page
     return rate === null ? null : rate * FRAME_S;
   }
+
+  /** Whether what comes with frames, such as a picture, needs a step or the end of a pause. */
+  get isStanding() {
+    return this.state.isPaused || (this.state.kind === "synchronous" && !this.factor);
+  }
 }

@@ -91,7 +91,6 @@ export class TopicView {
     this.subscribe();
     if (topic !== null) {
       setText(this.title, topic.name);
-      setText(this.state, this.texts.topic.none);
       this.update(topic);
       this.title.focus({ preventScroll: true });
       this.element.scrollIntoView({ block: "nearest" });
@@ -110,6 +109,9 @@ export class TopicView {
     }
     this.note.hidden = true;
     const { topic: texts } = this.texts;
+    if (this.last.length === 0) {
+      setText(this.state, this.context.time.isStanding ? texts.noneStanding : texts.none);
+    }
     setText(this.type, info.type);
     const names = (/** @type {string[]} */ list) => list.slice(0, 20).join(", ") || texts.nobody;
     const parts = [
