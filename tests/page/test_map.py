@@ -280,6 +280,13 @@ async def test_help_lists_keys_and_colours(serve: Serve, open_page: OpenPage) ->
     assert (await link.get_attribute("target"), await link.get_attribute("href")) == ("_blank", "docs/guides/page")
     await page.keyboard.press("Escape")
     await expect(dialog).to_be_hidden()
+    for width, height in ((720, 450), (390, 844), (844, 390)):
+        await page.set_viewport_size({"width": width, "height": height})
+        toolbar = await page.get_by_role("toolbar", name="Map").bounding_box()
+        timeline = await page.locator(".timeline").bounding_box()
+        assert toolbar is not None
+        assert timeline is not None
+        assert toolbar["y"] + toolbar["height"] <= timeline["y"], (width, height)
 
 
 async def test_model_is_placed_where_it_is_dragged_to(serve: Serve, open_page: OpenPage) -> None:

@@ -24,6 +24,13 @@ TOKEN = "s3cret"  # noqa: S105 - of these tests
 LOOKS = (("light", 360), ("dark", 1280))
 """Colours, and widths of the window [px]: no colour depends on the width."""
 
+MAP_SIZE = """() => {
+    const box = (part) => document.querySelector(part).getBoundingClientRect();
+    const [stage, timeline, header] = [".stage", ".timeline", ".header"].map(box);
+    return { width: stage.width, height: stage.height - timeline.height, header: header.height };
+}"""
+"""Size of the map that is seen, and height of the header [px]."""
+
 MAX_REQUESTS = 12
 """All that the page may load; the socket counts as one."""
 
@@ -40,6 +47,13 @@ async def test_page_connects_with_few_requests_that_all_succeed(serve: Serve, op
     assert set(statuses.values()) == {200}, statuses
     assert sockets == [f"ws://127.0.0.1:{server.port}/"]
     assert len(statuses) + len(sockets) <= MAX_REQUESTS
+
+
+async def test_page_says_that_it_loads_before_its_program_has_come(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_page("about:blank", state=None, allow=("Failed to load resource",))
+    await page.route("**/page.js", lambda route: route.abort())
+    await page.goto(page_url(serve("--start", "sync")))
+    await expect(page.get_by_text("Loading …")).to_be_visible()
 
 
 async def test_page_may_be_called_by_each_own_name_without_a_flag(serve: Serve, open_page: OpenPage) -> None:
@@ -137,6 +151,9 @@ async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: 
         await expect(banner).to_be_hidden()
         server.kill()
         await expect(banner).to_contain_text("The connection is lost")
+        await expect(banner).to_contain_text(re.compile(r"The map shows the state of [1-9]\d* s ago\.$"))
+        await expect(page.locator(".connection-state")).to_be_hidden()  # one place tells it
+        await expect(page.locator(".timeline .slider-row output")).to_have_text("last state")
         second = ServerProcess(tmp_path / "second.txt", port=server.port)
         try:
             await expect(banner).to_contain_text("Connected again")
@@ -157,7 +174,8 @@ async def test_server_that_no_longer_answers_is_told_and_its_answer_ends_that(
     os.kill(server.pid, signal.SIGSTOP)
     try:
         await expect(banner).to_be_visible(timeout=PATIENCE * 1e3)
-        await expect(page.locator(".connection-state")).to_have_text("No answer")
+        await expect(page.locator(".connection-state")).to_be_hidden()
+        await expect(page.locator(".header-time")).to_have_text("")
     finally:
         os.kill(server.pid, signal.SIGCONT)
     await expect(banner).to_be_hidden()
@@ -191,6 +209,26 @@ async def test_tabs_follow_the_keys_of_their_pattern(serve: Serve, open_page: Op
         await expect(tab).to_have_attribute("aria-selected", "true")
         await expect(page.get_by_role("tabpanel", name=name)).to_be_visible()
         assert await page.get_by_role("tabpanel").count() == 1
+
+
+@pytest.mark.parametrize(("width", "height", "num_lines"), [(1280, 720, 1), (720, 450, 1), (390, 844, 2)])
+async def test_map_has_its_share_of_small_windows_on_all_tabs(
+    serve: Serve, open_page: OpenPage, width: int, height: int, num_lines: int
+) -> None:
+    page = await open_page(serve("--scenario", "town"), viewport={"width": width, "height": height})
+    await page.get_by_role("button", name="Let it drive").click()
+    await expect(page.locator(".timeline")).to_be_visible()
+    sizes = [await page.evaluate(MAP_SIZE)]
+    for tab in ("Time", "Objects", "Graph", "Log", "Code"):
+        await page.get_by_role("tab", name=tab).click()
+        sizes.append(await page.evaluate(MAP_SIZE))
+    assert len({(one["width"], one["height"]) for one in sizes}) == 1, sizes
+    assert sizes[0]["height"] >= 0.4 * height
+    assert sizes[0]["width"] >= 0.5 * width
+    assert sizes[0]["header"] <= 10 + 27 * num_lines
+    shown = await page.locator(".header-values, .header-panel").locator("> :visible").all_inner_texts()
+    assert shown[1].startswith("Running, ")
+    assert shown[-1] == "한국어"
 
 
 async def test_first_key_leads_past_the_map(serve: Serve, open_page: OpenPage) -> None:

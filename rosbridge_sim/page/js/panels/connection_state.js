@@ -4,6 +4,8 @@ import { element, setText } from "../widgets/dom.js";
 
 /** Time for which the banner says that the connection is back [ms]: long enough to be read. */
 const BACK_SHOWN = 4000;
+/** The age of the state is told anew so often [ms]. */
+const STATE_AGE_INTERVAL = 1000;
 
 /**
  * Show the state of the connection.
@@ -15,32 +17,41 @@ export function showConnectionState({ connection, texts }, layout) {
   layout.header.prepend(mark);
   const form = new TokenForm(connection, texts);
   layout.stage.append(form.element);
-  let wasLost = false;
+  const words = element("span", {});
+  const age = element("span", { "aria-live": "off" }); // a screen reader is not to count the seconds
+  layout.banner.append(words, " ", age);
+  let isLost = false;
   /** @type {any} */
   let timer;
-  connection.onSilence((isSilent) => {
+  const showAge = () => {
+    const { heardAt } = connection.silence;
+    setText(age, isLost && heardAt > 0 ? texts.connection.age(Math.round((performance.now() - heardAt) / 1000)) : "");
+  };
+  setInterval(showAge, STATE_AGE_INTERVAL);
+  /** Tell one thing at one place: while the banner tells that all is old, the mark is silent. @param {string} text */
+  const tell = (text) => {
     clearTimeout(timer);
+    setText(words, text);
+    showAge();
+    layout.banner.hidden = text === "";
+    mark.hidden = isLost;
+  };
+  connection.onSilence((isSilent) => {
     document.documentElement.dataset.silent = String(isSilent);
-    setText(mark, isSilent ? texts.connection.silent : texts.connection.open);
-    setText(layout.banner, isSilent ? texts.connection.silentBanner : "");
-    layout.banner.hidden = !isSilent;
+    isLost = isSilent;
+    tell(isSilent ? texts.connection.silent : "");
   });
   connection.onState((state, reason) => {
-    clearTimeout(timer);
     document.documentElement.dataset.connection = state;
-    setText(mark, state === "lost" ? texts.connection.lost("") : texts.connection[state]);
     form.setState(state, reason);
+    const wasLost = isLost;
+    isLost = state === "lost" || (wasLost && state === "connecting");
+    setText(mark, state === "lost" ? "" : texts.connection[state]);
     if (state === "lost") {
-      wasLost = true;
-      setText(layout.banner, texts.connection.lost(reason));
-      layout.banner.hidden = false;
-    } else if (state === "open") {
-      setText(layout.banner, wasLost ? texts.connection.back : "");
-      layout.banner.hidden = !wasLost;
+      tell(texts.connection.lost(reason));
+    } else if (state !== "connecting") {
+      tell(wasLost && state === "open" ? texts.connection.back : "");
       timer = setTimeout(() => void (layout.banner.hidden = true), BACK_SHOWN);
-      wasLost = false;
-    } else if (state === "token") {
-      layout.banner.hidden = true;
     }
   });
 }

@@ -9,7 +9,7 @@ import { isLedByOthers, paceText, timeStateText } from "./time_state.js";
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
 /** @param {PanelContext} context @param {import("./driving.js").Driving} driving @returns {HTMLElement} */
-export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, driving) {
+export function makeHeaderValues({ connection, time, drivers, ego, scene, showTab, texts }, driving) {
   const scenario = element("button", { type: "button", className: "header-scenario", title: texts.time.scenarios.open, hidden: true });
   scenario.onclick = () => {
     showTab("time");
@@ -32,7 +32,7 @@ export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, 
   const driver = element("span", { className: "header-driver" });
   const show = () => {
     const { kind, frame: number, master: name } = time.state;
-    const isKnown = kind !== "unknown";
+    const isKnown = kind !== "unknown" && connection.isLive;
     const words = [timeStateText(time.state, texts.time.states), paceText(time.state, time.factor, texts.time)];
     setText(state, isKnown ? words.filter(Boolean).join(", ") : "");
     state.dataset.kind = isLedByOthers(time.state) ? "led" : kind;
@@ -40,9 +40,9 @@ export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, 
     setText(frame, isKnown ? texts.time.headerFrame(number) : "");
     const one = drivers.ofEgo(ego.number);
     setText(driver, one ? texts.ego.headerDriver(driverText(one, drivers, texts.ego)) : "");
-    const does = one && ego.activity(one.driver);
+    const does = isKnown && one && ego.activity(one.driver);
     setText(activity, does ? texts.ego.headerActivity(ego.number, texts.ego.activities[does]) : "");
-    activity.dataset.activity = does ?? "";
+    activity.dataset.activity = does || "";
   };
   time.onChange(show);
   drivers.onChange(show);

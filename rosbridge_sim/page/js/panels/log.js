@@ -100,7 +100,7 @@ export function makeLogPanel({ connection, scene, showTab, texts: { log: texts }
 
   const panel = element(
     "div",
-    { className: "log-panel wide-panel" },
+    { className: "log-panel" },
     element("p", { className: "hint" }, texts.hint),
     element("div", { className: "button-row" }, labelled(texts.level, level), labelled(texts.search, search), hold, clear),
     note,

@@ -51,13 +51,15 @@ export function makeMapControls(view, texts) {
   const bar = element("div", { className: "scale-bar" });
   const coordinates = element("div", { className: "coordinates" });
   const hint = element("div", { className: "map-hint", role: "status", hidden: true });
+  const { connection } = view.scene;
   let refusal = "";
   const tell = () => {
-    const text = view.tool === null ? refusal : view.hint;
+    const isLoading = view.scene.map === null && connection.state === "open";
+    const text = view.tool !== null ? view.hint : refusal || (isLoading ? mapView.loading : "");
     setText(hint, text);
     hint.hidden = text === "";
   };
-  const { connection } = view.scene;
+  view.scene.onMap(tell);
   connection.onState(() => {
     refusal = "";
     tell();

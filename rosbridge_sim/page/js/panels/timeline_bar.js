@@ -40,7 +40,7 @@ export function makeTimelineBar({ connection, scene, time, timeControls: control
   const scrubber = new Scrubber({
     label: texts.position,
     step: 0.1,
-    clock: (at) => (scene.past === null ? texts.live : texts.ago(ago(at).toFixed(1))),
+    clock: (at) => (scene.past !== null ? texts.ago(ago(at).toFixed(1)) : connection.isLive ? texts.live : texts.last),
     onInput: goTo,
   });
   const play = new ActionButton({ ...texts.play, name: texts.play.title, className: "small", notice, act: () => setPlaying(!isPlaying) });
@@ -122,6 +122,7 @@ export function makeTimelineBar({ connection, scene, time, timeControls: control
     show();
   });
   time.onChange(show);
+  connection.onSilence(show);
   snapshots.onChange(() => {
     if (snapshots.problem) {
       notice.show(texts.keepFailed(snapshots.problem), "bad");

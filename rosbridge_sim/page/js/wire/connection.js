@@ -112,6 +112,11 @@ export class Connection {
     return this.states.add(take);
   }
 
+  /** Whether what the page has is of now: the server is connected, and answers. */
+  get isLive() {
+    return this.state === "open" && !this.silence.isSilent;
+  }
+
   /** Whether the server was shown a token. */
   get hasToken() {
     return sessionStorage.getItem(TOKEN_KEY) !== null;

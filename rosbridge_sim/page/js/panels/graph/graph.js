@@ -19,5 +19,5 @@ export function makeGraphPanel(context) {
   tabs.panelOf("topics").append(makeTopicsPart(context));
   tabs.panelOf("services").append(makeServicesPart(context));
   tabs.panelOf("clients").append(makeClientsPart(context));
-  return { title: texts.title, element: element("div", { className: "graph-panel wide-panel" }, tabs.list, tabs.panels) };
+  return { title: texts.title, element: element("div", { className: "graph-panel" }, tabs.list, tabs.panels) };
 }
