@@ -14,7 +14,7 @@ from tests.support import ROOT
 PAGES = {
     "README.ko.md": ("README.md", "1bd8a3ff4e54"),
     "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
-    "docs/ko/page.md": ("docs/guides/page.md", "a08c77d5f960"),
+    "docs/ko/page.md": ("docs/guides/page.md", "2472eb978aa4"),
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
     "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b980737d1a0f"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),
@@ -84,6 +84,13 @@ def links_of(name: str) -> list[str]:
     return sorted({ENGLISH.get(path, path) for path in paths} - {ENGLISH.get(name, name)})
 
 
+def wrong_terms_in(text: str) -> list[str]:
+    """Words of a Korean text for which the glossary has another one."""
+    forbidden = [word for row in rows_of_glossary() for word in row[2].split(", ") if word]
+    assert len(forbidden) > 20
+    return [word for word in forbidden if re.search(rf"(?<![A-Za-z가-힣]){re.escape(word)}(?![A-Za-z])", text)]
+
+
 def rows_of_glossary() -> list[list[str]]:
     """The cells of each row: Korean term, English term, words that no page has."""
     rows = re.findall(r"^\| (.+) \|$", read(GLOSSARY), re.MULTILINE)
@@ -145,11 +152,12 @@ def test_both_pages_lead_to_each_other(korean: str) -> None:
 
 @of_each_page
 def test_each_term_is_the_one_of_the_glossary(korean: str) -> None:
-    forbidden = [word for row in rows_of_glossary() for word in row[2].split(", ") if word]
-    assert len(forbidden) > 20
-    prose = prose_of(korean)
-    found = [word for word in forbidden if re.search(rf"(?<![A-Za-z가-힣]){re.escape(word)}(?![A-Za-z])", prose)]
-    assert found == []
+    assert wrong_terms_in(prose_of(korean)) == []
+
+
+def test_each_term_of_the_web_page_is_the_one_of_the_glossary() -> None:
+    texts = (ROOT / "rosbridge_sim/page/js/texts_ko.js").read_text("utf-8")
+    assert wrong_terms_in(re.sub(r"^\s*\w+: |\b\w+(?=: [\"{\[(])|\$\{[^}]*\}", "", texts, flags=re.MULTILINE)) == []
 
 
 def test_labels_of_the_page_are_those_that_it_shows() -> None:

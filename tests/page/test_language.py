@@ -51,7 +51,7 @@ async def test_korean_page_whose_texts_do_not_come_is_in_english(serve: Serve, o
 
 async def test_all_panels_of_the_korean_page_are_without_errors(serve: Serve, open_page: OpenPage) -> None:
     page = await open_page(serve("--scenario", "town", "--start", "sync"), locale="ko-KR")
-    for name in ("Ego", "시간", "객체", "그래프", "로그", "코드"):
+    for name in ("Ego", "시간", "오브젝트", "그래프", "로그", "코드"):
         await page.get_by_role("tab", name=name, exact=True).click()
         await expect(page.get_by_role("tabpanel", name=name, exact=True)).to_be_visible()
         assert "undefined" not in await page.locator("body").inner_text()
