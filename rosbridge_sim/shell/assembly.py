@@ -172,6 +172,8 @@ def make_simulator_node(
         is_dressed=settings.dressing,
         on_world_failure=settings.on_world_failure,
         standard_topics=settings.standard_topics or settings.ros2_domain is not None,
+        tf_frames=settings.tf_frames,
+        cmd_vel=settings.cmd_vel,
         command_deadline=settings.ros2_command_deadline if settings.ros2_wait_for_command else None,
     )
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
@@ -341,6 +343,8 @@ def check_sense(settings: Settings) -> None:
         )
     if settings.ros2_wait_for_command and (settings.ros2_domain is None or not settings.world):
         raise DocumentError("ros2-wait-for-command: expected with --ros2-domain and a world, which waits for the nodes")
+    if settings.cmd_vel != "Twist" and not (settings.standard_topics or settings.ros2_domain is not None):
+        raise DocumentError("cmd-vel: expected with --standard-topics or --ros2-domain, which bring /cmd_vel")
     if settings.open and not (settings.listen and settings.page):
         raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:

@@ -148,7 +148,9 @@ def make_node(
         traffic,
     ]
     if chosen.standard_topics:
-        components.append(StandardTopics(context, commands, chosen.sensor_noise))
+        components.append(
+            StandardTopics(context, commands, chosen.sensor_noise, frames=chosen.tf_frames, cmd_vel=chosen.cmd_vel)
+        )
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
     set_real_time_factor(context, chosen.real_time_factor, 0.0)
@@ -195,7 +197,7 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     failure = WorldFailure(participant, bus, interfaces, is_serving_on=settings.on_world_failure == "serve")
     # These four have a topic each; it goes out in this order, before those of the components.
     time = SimulationTime(bus, world, convert, publishers)
-    transforms = TfPublisher(bus.store, world, convert)
+    transforms = TfPublisher(bus.store, world, convert, settings.tf_frames)
     publishers.add("/tf", TF, lambda: transforms.moving(egos), is_exclusive=False)
     sync_info = SyncInfo(bus.store, world, sync, publishers)
     static_tf = StaticTf(transforms, egos, publishers)

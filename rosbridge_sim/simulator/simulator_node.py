@@ -30,6 +30,7 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
 from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
+from rosbridge_sim.simulator.kernel.tf_publisher import TfFrames
 from rosbridge_sim.simulator.markers.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
@@ -37,6 +38,7 @@ from rosbridge_sim.simulator.sensor_services.missing_sensors import advise
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
+from rosbridge_sim.simulator.standard_topics import CmdVel
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import World
 
@@ -71,6 +73,8 @@ class NodeSettings(Record):
         rain_friction: friction of the ground in rain, relative to a dry one; 0 for rain that changes none.
         is_dressed: they see buildings, trees and posts beside the roads.
         standard_topics: publish and take standard messages of ROS beside MORAI's.
+        tf_frames: what is above `base_link` on `/tf`.
+        cmd_vel: type of `/cmd_vel`.
         command_deadline: in real time each frame waits so long for a command [s]; None for no wait.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
@@ -98,6 +102,8 @@ class NodeSettings(Record):
     is_dressed: bool = True
     on_world_failure: Literal["exit", "serve"] = "exit"
     standard_topics: bool = False
+    tf_frames: TfFrames = "map"
+    cmd_vel: CmdVel = "Twist"
     command_deadline: float | None = None
 
 

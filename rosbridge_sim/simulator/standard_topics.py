@@ -1,8 +1,8 @@
 """Standard messages of ROS beside MORAI's, so that a node without `morai_msgs` can drive an ego.
 
-    /odom            nav_msgs/Odometry                      out   pose of the ego in the map, velocity in its own frame
+    /odom            nav_msgs/Odometry                      out   pose of the ego in map or odom, and its velocity
     /fix             sensor_msgs/NavSatFix                  out   what /gps tells
-    /cmd_vel         geometry_msgs/Twist                    in    speed and yaw rate
+    /cmd_vel         geometry_msgs/Twist, or TwistStamped   in    speed and yaw rate
     /ackermann_cmd   ackermann_msgs/AckermannDriveStamped   in    speed and angle of the front wheels
     /sim/pause       std_msgs/Bool                          in    stops the world, or lets it go on
     /sim/reset       std_msgs/Empty                         in    returns to the opening scene, as the service does
@@ -17,7 +17,7 @@ from __future__ import annotations
 import logging
 import math
 from functools import partial
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.participant import Participant
@@ -29,15 +29,17 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.tf_publisher import BASE, MAP, frame_prefix
+from rosbridge_sim.simulator.kernel.tf_publisher import BASE, TfFrames, frame_prefix, pose_of_base
 from rosbridge_sim.simulator.morai_services.command_topics import CommandTopics
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
-from rosbridge_sim.world.geometry.planar import quaternion
 from rosbridge_sim.world.state.world import Dynamics, Gear, Mode
 
-__all__ = ["StandardTopics"]
+__all__ = ["CmdVel", "StandardTopics"]
+
+CmdVel: TypeAlias = Literal["Twist", "TwistStamped"]
+"""Type of `/cmd_vel`; a topic has one."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -55,15 +57,27 @@ _GPS: Final = 1
 class StandardTopics(Component):
     """Component of these topics. It holds no state."""
 
-    def __init__(self, context: SimulatorContext, commands: CommandTopics, noise: SensorNoise | None = None) -> None:
+    def __init__(
+        self,
+        context: SimulatorContext,
+        commands: CommandTopics,
+        noise: SensorNoise | None = None,
+        *,
+        frames: TfFrames = "map",
+        cmd_vel: CmdVel = "Twist",
+    ) -> None:
         """Make the makers of messages.
 
         Args:
             commands: applies commands.
             noise: errors of the GPS, the same as on `/gps`; None for exact readings.
+            frames: as on `/tf`; `/odom` has the pose in the frame above `base_link`.
+            cmd_vel: type of `/cmd_vel`.
         """
         self._context = context
         self._gps, self._shared = GpsSpec(), SensorContext(context, noise)
+        self._frames = frames
+        self._cmd_vel = cmd_vel
         self._commands = commands
         make = partial(maker, context.bus.store)
         self._vector = make("geometry_msgs/Vector3", "x", "y", "z")
@@ -97,7 +111,7 @@ class StandardTopics(Component):
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Subscribe to the commands of an ego."""
-        bindings.listen("cmd_vel", "geometry_msgs/Twist", partial(self._take_twist, ego, bindings))
+        bindings.listen("cmd_vel", f"geometry_msgs/{self._cmd_vel}", partial(self._take_twist, ego, bindings))
         bindings.listen(
             "ackermann_cmd", "ackermann_msgs/AckermannDriveStamped", partial(self._take_ackermann, ego, bindings)
         )
@@ -105,14 +119,14 @@ class StandardTopics(Component):
     def _make_odometry(self, ego: Ego) -> Struct:
         """Return pose and velocity of `base_link`."""
         world, row, prefix = self._context.world, ego.row, frame_prefix(ego)
-        axes = quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))
-        pose = self._pose(self._point(world.x.item(row), world.y.item(row), world.z.item(row)), self._axes(*axes))
+        frame_id, place, axes = pose_of_base(world, ego, self._frames)
+        pose = self._pose(self._point(*place), self._axes(*axes))
         climb = world.climb.item(row) if world.dynamics == Dynamics.SINGLE_TRACK else 0.0
         twist = self._twist(
             self._vector(world.speed.item(row), world.lateral_speed.item(row), climb),
             self._vector(0.0, 0.0, world.yaw_rate.item(row)),
         )
-        header = self._context.convert.header(world.frame, MAP)
+        header = self._context.convert.header(world.frame, frame_id)
         return self._odometry(header, prefix + BASE, self._some_pose(pose), self._some_twist(twist))
 
     def _make_fix(self, ego: Ego) -> Struct | None:
@@ -126,8 +140,9 @@ class StandardTopics(Component):
     def _take_twist(
         self, ego: Ego, bindings: SubscribersServices, message: Struct, sender: Participant, _now: float
     ) -> None:
-        speed, yaw_rate = message.linear.x, message.angular.z
-        _check("geometry_msgs/Twist", {"linear.x": speed, "angular.z": yaw_rate})
+        twist, at = (message, "") if self._cmd_vel == "Twist" else (message.twist, "twist.")
+        speed, yaw_rate = twist.linear.x, twist.angular.z
+        _check(f"geometry_msgs/{self._cmd_vel}", {f"{at}linear.x": speed, f"{at}angular.z": yaw_rate})
         wheelbase = self._context.world.bodies[ego.row].wheelbase
         steer = math.atan(wheelbase * yaw_rate / speed) if abs(speed) >= LEAST_SPEED else 0.0
         if self._commands.drive(ego, bindings, "cmd_vel", _standstill(steer), sender, message=message):

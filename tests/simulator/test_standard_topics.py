@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import pytest
 
-from rosbridge_sim.errors import FieldError
+from rosbridge_sim.errors import FieldError, GraphError
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.world.state.world import Dynamics
 from tests.simulator.sim_harness import Client, SimHarness
 
@@ -48,6 +49,20 @@ def test_fix_is_what_the_gps_tells(sim: SimHarness, client: Client) -> None:
     for name in ("header", "latitude", "longitude", "altitude"):
         assert fix[name] == gps[name]
     assert fix["status"] == {"status": 0 if gps["status"] else -1, "service": 1}
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_a_stamped_twist_is_taken_instead_if_it_was_chosen(ros: Generation) -> None:
+    sim = SimHarness("crowd", standard_topics=True, cmd_vel="TwistStamped", ros=ros)
+    client = sim.client()
+    client.listen("/odom")
+    client.send("/cmd_vel", "geometry_msgs/TwistStamped", twist={"linear": {"x": 3.0}})
+    sim.run(4.0)
+    assert client.messages("/odom")[-1]["twist"]["twist"]["linear"]["x"] == pytest.approx(3.0, abs=0.1)
+    with pytest.raises(FieldError, match=r"TwistStamped.twist.linear.x: expected a finite number"):
+        client.send("/cmd_vel", "geometry_msgs/TwistStamped", twist={"linear": {"x": math.nan}})
+    with pytest.raises(GraphError, match=r"geometry_msgs/(msg/)?TwistStamped"):
+        client.send("/cmd_vel", TWIST, linear={"x": 3.0})
 
 
 @pytest.mark.parametrize("direction", [1, -1])

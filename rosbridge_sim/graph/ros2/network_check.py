@@ -226,6 +226,8 @@ def _check_types(seen: SeenGraph) -> Finding:
             )
     if misfits:
         advice = "build the package of the server's --release (rosbridge-sim schema show TYPE), or use --schema-path"
+        if any("/Twist" in line for line in (text.replace("::msg::dds_::", "/") for text in misfits)):
+            advice = "--cmd-vel TwistStamped of the server, or enable_stamped_cmd_vel: false of Nav2"
         return Finding("type hash", is_good=False, text=_list(misfits), advice=advice)
     return Finding("type hash", is_good=True, text="types and their hashes agree")
 

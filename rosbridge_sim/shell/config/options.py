@@ -84,6 +84,8 @@ class SimulatorOptions(TypedDict, total=False):
     services: Mapping[str, object]
     replay_info: bool
     standard_topics: bool
+    tf_frames: Literal["map", "map-odom", "odom"]
+    cmd_vel: Literal["Twist", "TwistStamped"]
     release: Literal["22.R2", "26.R1"]
     profile: Literal["manual", "field"]
     wheel_angle_unit: Literal["rad", "deg"] | None

@@ -437,6 +437,19 @@ class Settings:
         text="publish /odom and /fix and take /cmd_vel and /ackermann_cmd, for programs without morai_msgs; always with"
         " --ros2-domain",
     )
+    tf_frames: Literal["map", "map-odom", "odom"] = flag(
+        "map",
+        _NETWORK,
+        choice_of("map", "map-odom", "odom"),
+        "frames above base_link on /tf, from the one without a parent: map; map-odom as in REP 105, for Nav2; odom if a"
+        " localization of yours publishes map to odom. /odom has the pose in the frame just above base_link",
+    )
+    cmd_vel: Literal["Twist", "TwistStamped"] = flag(
+        "Twist",
+        _NETWORK,
+        choice_of("Twist", "TwistStamped"),
+        "type of /cmd_vel in geometry_msgs; TwistStamped for Nav2 with enable_stamped_cmd_vel, as it is since Kilted",
+    )
 
     release: Literal["22.R2", "26.R1"] = flag(
         "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message definitions are used"

@@ -10,7 +10,7 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import Any
+from typing import Any, Final
 
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
@@ -18,6 +18,7 @@ from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.records import Record
+from rosbridge_sim.simulator.kernel.odometry import Origin, move_origin
 from rosbridge_sim.world.drivers.lane_position import leave_lane
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.roads import Roads
@@ -27,6 +28,9 @@ from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = ["CtrlMode", "Ego", "EgoState"]
 
+
+GHOST_JUMP: Final = 10.0
+"""A ghost that is placed further from its last place has jumped [m]: no car goes so far between two commands."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -44,7 +48,7 @@ class EgoState(Record):
     """State of an ego beside its row in the world.
 
     Attributes:
-        index, uid, ctrl_mode, lamps, mountings: as in `Ego`.
+        index, uid, ctrl_mode, lamps, mountings, odom_origin: as in `Ego`.
     """
 
     index: int
@@ -52,6 +56,7 @@ class EgoState(Record):
     ctrl_mode: CtrlMode
     lamps: tuple[int, int]
     mountings: tuple[tuple[str, Mounting], ...]
+    odom_origin: Origin
 
 
 class Ego:
@@ -64,6 +69,7 @@ class Ego:
         turn_signal: 0 none, 1 left, 2 right.
         emergency_signal: 0 off, 1 on.
         mountings: places of its sensors, by their frames, in the order of the table of sensors.
+        odom_origin: pose of its frame `odom` in the map; see `odometry`.
         optical_frames: those of the sensors that are cameras: each has a frame of its picture, too.
         is_replayed: a recording moves it, and commands are ignored.
         commander: the participant whose command it followed last, for people who watch; None for none that is known.
@@ -90,19 +96,20 @@ class Ego:
             index: its number; None for the id in the world.
             roads: returns the lanes of the map in use.
         """
+        self._world = world
+        self._convert = convert
+        self._roads = roads
         self.index = uid if index is None else index
         self.uid = uid
         self.ctrl_mode = ctrl_mode
         self.turn_signal = 0
         self.emergency_signal = 0
         self.mountings = dict.fromkeys(sensor_frames, Mounting())
+        self.odom_origin: Origin = self.pose if self.is_there else (0.0, 0.0, 0.0, 0.0)
         self.optical_frames: tuple[str, ...] = ()
         self.is_replayed = False
         self.commander: Participant | None = None
         self.command_frame = 0
-        self._world = world
-        self._convert = convert
-        self._roads = roads
         self._status: Any = None  # a generated struct
         self._refused_gear: Gear | None = None  # a memo for the log, and so no part of the state
         self._idle_gear: Gear | None = None  # likewise: the gear without drive that a client was told of
@@ -116,6 +123,24 @@ class Ego:
     def row(self) -> int:
         """Its current index in the world's arrays."""
         return self._world.row(self.uid)
+
+    @property
+    def pose(self) -> Origin:
+        """Where it is in the map: x, y, z [m] and yaw [rad]."""
+        world, row = self._world, self.row
+        return world.x.item(row), world.y.item(row), world.z.item(row), world.yaw.item(row)
+
+    def start_odometry(self) -> None:
+        """Be at zero in `odom` now."""
+        self.odom_origin = self.pose
+
+    def keep_odometry(self, before: Origin) -> None:
+        """Be in `odom` where it was before a jump.
+
+        Args:
+            before: its pose before the jump.
+        """
+        self.odom_origin = move_origin(self.odom_origin, before, self.pose)
 
     @property
     def gear(self) -> Gear:
@@ -153,7 +178,7 @@ class Ego:
     def save_state(self) -> EgoState:
         """Return what decides what it will do, beside its row in the world."""
         mountings = tuple(self.mountings.items())
-        return EgoState(self.index, self.uid, self.ctrl_mode, self.lamps, mountings)
+        return EgoState(self.index, self.uid, self.ctrl_mode, self.lamps, mountings, self.odom_origin)
 
     def load_state(self, state: EgoState) -> None:
         """Become what was saved; the world has been restored. A recording does not move it."""
@@ -161,6 +186,7 @@ class Ego:
         self.turn_signal, self.emergency_signal = state.lamps
         self._refused_gear = None
         self.mountings = dict(state.mountings)
+        self.odom_origin = state.odom_origin
         self.is_replayed = False
         self.commander = None
         self.forget_status()
@@ -242,6 +268,8 @@ class Ego:
         self.forget_status()
 
     def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
+        """Place it: a jump for its odometry, but for a ghost that goes on."""
+        before, was_ghost = self.pose, self._world.is_ghost.item(self.row)
         place = placement.place_ghost if is_ghost else placement.teleport
         place(
             self._world,
@@ -254,6 +282,8 @@ class Ego:
             roll=pose.roll,
             pitch=pose.pitch,
         )
+        if not (is_ghost and was_ghost) or math.dist(before[:3], self.pose[:3]) > GHOST_JUMP:
+            self.keep_odometry(before)
 
     def set_ctrl_mode(self, ctrl_mode: CtrlMode) -> str | None:
         """Change the driver. If a client or the car itself was driving, the pedals are released.

@@ -7,6 +7,7 @@ from typing import Final
 
 from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.kernel.odometry import Origin
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
@@ -122,6 +123,17 @@ class EgoRegistry:
         self.drop(self._egos)
         self.first.ctrl_mode = self._ctrl_mode
         self.first.reset_controls()
+        self.first.start_odometry()
+
+    def keep_odometry(self, poses: Iterable[Origin]) -> None:
+        """Note that the egos that are still there have jumped; see `Ego.keep_odometry`.
+
+        Args:
+            poses: of all egos before that.
+        """
+        for ego, before in zip(self._egos, poses, strict=True):
+            if ego.is_there:
+                ego.keep_odometry(before)
 
     def replace(self, egos: Iterable[Ego]) -> None:
         """Have these egos, in this order; the first one is `first`."""

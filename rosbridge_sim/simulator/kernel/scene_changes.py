@@ -97,7 +97,9 @@ class SceneChanges:
         for prepare in self._hooks.on_scene_change:
             prepare(now)
         egos = self._egos
+        poses = [ego.pose for ego in egos]
         self._scene.carry_out(load)
+        egos.keep_odometry(poses)
         if load.egos:
             egos.first.reset_controls()
         gone = [ego for ego in egos if not ego.is_there]

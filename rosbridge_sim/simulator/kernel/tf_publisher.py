@@ -10,6 +10,9 @@
       Ego-2/base_link    a further ego, and so on
         Ego-2/vehicle_center, ...
 
+With `--tf-frames map-odom` there is `odom` between `map` and `base_link`, as REP 105 has it; see `odometry`. With
+`odom` there is no transform from `map` to `odom`: a localization of the user publishes it.
+
 MORAI writes `/map` and `/base_link`, as old ROS did. tf2 refuses names that begin with a slash, and most programs use
 tf2. So the names have no slash.
 
@@ -20,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import Converter, maker
@@ -29,19 +32,35 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.kernel.odometry import seen_from
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 from rosbridge_sim.world.geometry.planar import Quaternion, Vector, quaternion
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "StaticTf", "TfPublisher", "frame_prefix"]
+__all__ = [
+    "BASE",
+    "CENTER",
+    "MAP",
+    "ODOM",
+    "TF",
+    "Mount",
+    "StaticTf",
+    "TfFrames",
+    "TfPublisher",
+    "frame_prefix",
+    "pose_of_base",
+]
 
 TF: Final = "tf2_msgs/TFMessage"
 
 MAP: Final = "map"
+ODOM: Final = "odom"
 BASE: Final = "base_link"
 CENTER: Final = "vehicle_center"
 
+TfFrames: TypeAlias = Literal["map", "map-odom", "odom"]
+"""`--tf-frames`: what is above `base_link`, from the frame that has no parent on `/tf`."""
 
 _OPTICAL: Final = Mounting(roll=-0.5 * math.pi, yaw=-0.5 * math.pi)
 """From x forward, y left, z up to x right, y down, z ahead."""
@@ -63,16 +82,24 @@ class Mount(Record):
 class TfPublisher:
     """Maker of the messages of both topics; structs of tf2_msgs/TFMessage."""
 
-    def __init__(self, store: Store, world: World, convert: Converter) -> None:
+    def __init__(
+        self,
+        store: Store,
+        world: World,
+        convert: Converter,
+        frames: TfFrames = "map",
+    ) -> None:
         """Read nothing yet.
 
         Args:
             store: has the types.
             world: has the poses.
             convert: makes the headers.
+            frames: above `base_link`.
         """
         self._world = world
         self._convert = convert
+        self._frames = frames
         self._message = maker(store, TF, "transforms")
         self._stamped = maker(store, "geometry_msgs/TransformStamped", "header", "child_frame_id", "transform")
         self._transform = maker(store, "geometry_msgs/Transform", "translation", "rotation")
@@ -80,24 +107,25 @@ class TfPublisher:
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
     def moving(self, egos: Iterable[Ego]) -> Struct:
-        """Return the poses of the egos in the map, in the egos' order.
+        """Return the poses of the egos, and of what moves with them, in the egos' order.
 
         Args:
             egos: the egos; each stands in the world.
 
         Returns:
-            A TFMessage with a transform for each.
+            A TFMessage with a transform for each frame.
         """
         world = self._world
-        header = self._convert.header(world.frame, MAP)
+        frame, header = world.frame, self._convert.header
         transforms = []
         for ego in egos:
-            row = ego.row
-            pose = self._pose(
-                (world.x.item(row), world.y.item(row), world.z.item(row)),
-                quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row)),
-            )
-            transforms.append(self._stamped(header, frame_prefix(ego) + BASE, pose))
+            prefix = frame_prefix(ego)
+            if self._frames == "map-odom":
+                *place, yaw = ego.odom_origin
+                pose = self._pose((place[0], place[1], place[2]), quaternion(0.0, 0.0, yaw))
+                transforms.append(self._stamped(header(frame, MAP), prefix + ODOM, pose))
+            parent, place_of_base, axes = pose_of_base(world, ego, self._frames)
+            transforms.append(self._stamped(header(frame, parent), prefix + BASE, self._pose(place_of_base, axes)))
         return self._message(transforms)
 
     def mounts(self, egos: Iterable[Ego]) -> tuple[Mount, ...]:
@@ -170,6 +198,16 @@ class StaticTf:
         """Publish the fixed frames even if they have not changed, because their stamp has."""
         self._mounts = None
         self.announce(now)
+
+
+def pose_of_base(world: World, ego: Ego, frames: TfFrames) -> tuple[str, Vector, Quaternion]:
+    """Return the frame above `base_link` of an ego, and the place [m] and the orientation of `base_link` in it."""
+    row, (x, y, z, yaw) = ego.row, ego.pose
+    parent = MAP
+    if frames != "map":
+        parent = frame_prefix(ego) + ODOM
+        x, y, z, yaw = seen_from(ego.odom_origin, (x, y, z, yaw))
+    return parent, (x, y, z), quaternion(world.roll.item(row), world.pitch.item(row), yaw)
 
 
 def frame_prefix(ego: Ego) -> str:

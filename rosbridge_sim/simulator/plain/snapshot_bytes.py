@@ -24,7 +24,7 @@ from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
 __all__ = ["OwnBytes", "OwnKey", "SnapshotHead", "pack", "unpack"]
 
 MAGIC: Final = b"\x89RBSIM\r\n"
-VERSION: Final = 2
+VERSION: Final = 3
 CHECKSUM_SIZE: Final = 16
 
 MAX_MAPS: Final = 16

@@ -44,7 +44,7 @@ from rosbridge_sim.simulator.sync.sync_table import MAX_AHEAD, MAX_WAITING_COMMA
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import INTS
-from rosbridge_sim.world.state.world import MAX_UID, Kind, Snapshot, World
+from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_UID, Kind, Snapshot, World
 
 __all__ = ["NodeState", "Plans", "SavedState"]
 
@@ -53,6 +53,9 @@ Plans: TypeAlias = Callable[[RoadMap], SignalPlan]
 
 MAX_LAMPS: Final = (2, 1)
 """Greatest turn and emergency signal, see `Ego`."""
+
+MAX_ORIGIN: Final = 10 * MAX_COORDINATE
+"""Greatest figure of an ego's `odom_origin` [m, rad]: a car has driven from there."""
 
 NUM_TRIALS: Final = 2
 """Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""
@@ -377,6 +380,7 @@ def _read_egos(data: object, world: Snapshot, sensor_frames: tuple[str, ...]) ->
         and all(ego.uid in rows and kinds[rows[ego.uid]] == Kind.EGO for ego in egos)
         and all(tuple(name for name, _ in ego.mountings)[: len(sensor_frames)] == sensor_frames for ego in egos)
         and all(len(ego.mountings) == len(dict(ego.mountings)) for ego in egos)
+        and all(abs(figure) <= MAX_ORIGIN for ego in egos for figure in ego.odom_origin)
         and all(0 <= lamp <= most for ego in egos for lamp, most in zip(ego.lamps, MAX_LAMPS, strict=True))
     )
     if not is_good:

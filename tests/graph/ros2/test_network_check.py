@@ -118,6 +118,10 @@ def test_other_types_and_other_definitions_are_told() -> None:
         assert finding.step == "type hash"
         assert "/planner" in finding.text
     assert not bad(replace(FOUND, endpoints=(OUR_IMU, replace(THEIRS, hash=""))), LOCAL), "Humble tells no hash"
+    ours = replace(THEIRS, topic="/cmd_vel", type="geometry_msgs::msg::dds_::Twist_", node=SERVER)
+    theirs = replace(OUR_IMU, topic="/cmd_vel", type="geometry_msgs::msg::dds_::TwistStamped_", node="/controller")
+    (finding,) = bad(replace(FOUND, endpoints=(ours, theirs)), LOCAL)
+    assert "--cmd-vel TwistStamped" in finding.advice
 
 
 def test_what_other_nodes_have_among_themselves_does_not_matter() -> None:

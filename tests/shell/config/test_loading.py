@@ -94,6 +94,8 @@ OTHER: dict[str, object] = {
     "strict_release": True,
     "attach_retry": 2.5,
     "standard_topics": True,
+    "tf_frames": "map-odom",
+    "cmd_vel": "TwistStamped",
     "ros2_domain": 7,
     "ros2_distro": "humble",
     "ros2_namespace": "/sim1",

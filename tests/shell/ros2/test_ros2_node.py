@@ -152,6 +152,11 @@ async def test_lock_step_needs_a_domain() -> None:
         await Simulator(port=0, ros2_wait_for_command=True).start()
 
 
+async def test_a_type_of_commands_needs_their_topic() -> None:
+    with pytest.raises(DocumentError, match="cmd-vel: expected with --standard-topics or --ros2-domain"):
+        await Simulator(port=0, cmd_vel="TwistStamped").start()
+
+
 async def test_a_domain_is_used_once_in_a_process(joined: Joined) -> None:
     with pytest.raises(DocumentError, match="another simulator of this process is in it"):
         await Simulator(port=0, ros2_domain=joined.domain).start()
