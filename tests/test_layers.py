@@ -96,9 +96,10 @@ simulator.replays: * graph morai.messages scenarios schema simulator.bus simulat
     simulator.scene units world world.geometry world.state
 simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
-simulator: * graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel simulator.markers
-    simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensor_services
-    simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world world.state
+simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel
+    simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
+    simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world
+    world.state world.vehicle
 # campaigns, without processes and files
 campaigns: * document_mistakes document_reading documents expressions world.state
 # outside

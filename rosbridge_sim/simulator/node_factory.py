@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.scenarios.scenario import Scenario
@@ -39,6 +41,7 @@ from rosbridge_sim.simulator.morai_services.traffic_light_topics import TrafficL
 from rosbridge_sim.simulator.plain.reading import AtOnce, Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.replays.replay import Replay
+from rosbridge_sim.simulator.robot_description import RobotDescription, find_wheels
 from rosbridge_sim.simulator.scene.load import Library
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
@@ -148,9 +151,10 @@ def make_node(
         traffic,
     ]
     if chosen.standard_topics:
-        components.append(
-            StandardTopics(context, commands, chosen.sensor_noise, frames=chosen.tf_frames, cmd_vel=chosen.cmd_vel)
-        )
+        components += [
+            StandardTopics(context, commands, chosen.sensor_noise, frames=chosen.tf_frames, cmd_vel=chosen.cmd_vel),
+            RobotDescription(context),
+        ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
     set_real_time_factor(context, chosen.real_time_factor, 0.0)
@@ -197,7 +201,8 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     failure = WorldFailure(participant, bus, interfaces, is_serving_on=settings.on_world_failure == "serve")
     # These four have a topic each; it goes out in this order, before those of the components.
     time = SimulationTime(bus, world, convert, publishers)
-    transforms = TfPublisher(bus.store, world, convert, settings.tf_frames)
+    wheels = partial(find_wheels, world) if settings.standard_topics else None
+    transforms = TfPublisher(bus.store, world, convert, settings.tf_frames, wheels)
     publishers.add("/tf", TF, lambda: transforms.moving(egos), is_exclusive=False)
     sync_info = SyncInfo(bus.store, world, sync, publishers)
     static_tf = StaticTf(transforms, egos, publishers)

@@ -434,8 +434,8 @@ class Settings:
         default=False,
         group=_NETWORK,
         kind=SWITCH,
-        text="publish /odom and /fix and take /cmd_vel and /ackermann_cmd, for programs without morai_msgs; always with"
-        " --ros2-domain",
+        text="publish /odom, /fix and /robot_description and take /cmd_vel and /ackermann_cmd, for programs without"
+        " morai_msgs; always with --ros2-domain",
     )
     tf_frames: Literal["map", "map-odom", "odom"] = flag(
         "map",

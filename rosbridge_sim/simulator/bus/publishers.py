@@ -185,8 +185,9 @@ class Publishers:
         Args:
             prefix: of their names.
         """
-        gone = [publisher for publisher in self._periodic if publisher.prefix == prefix]
+        gone = [publisher for publisher in (*self._periodic, *self._latched) if publisher.prefix == prefix]
         self._periodic = [publisher for publisher in self._periodic if publisher.prefix != prefix]
+        self._latched = [publisher for publisher in self._latched if publisher.prefix != prefix]
         self._repeats = [repeat for repeat in self._repeats if repeat[2].prefix != prefix]
         heapq.heapify(self._repeats)
         self._items.remove(gone, now)

@@ -7,6 +7,7 @@
         imu_link         its inertial unit, the same
         Camera           a camera of --sensors, for example; lidars and radars likewise
           Camera_optical its picture: x right, y down, z ahead (REP 103)
+        front_left_wheel its wheels, if it has a `/robot_description`: they turn with the steering, and do not roll
       Ego-2/base_link    a further ego, and so on
         Ego-2/vehicle_center, ...
 
@@ -22,8 +23,8 @@ A static message holds all static frames and is latched, so a late subscriber ge
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Final, Literal, TypeAlias
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Final, Literal, NamedTuple, TypeAlias
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import Converter, maker
@@ -44,10 +45,12 @@ __all__ = [
     "MAP",
     "ODOM",
     "TF",
+    "WHEEL_FRAMES",
     "Mount",
     "StaticTf",
     "TfFrames",
     "TfPublisher",
+    "Wheel",
     "frame_prefix",
     "pose_of_base",
 ]
@@ -58,6 +61,7 @@ MAP: Final = "map"
 ODOM: Final = "odom"
 BASE: Final = "base_link"
 CENTER: Final = "vehicle_center"
+WHEEL_FRAMES: Final = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 
 TfFrames: TypeAlias = Literal["map", "map-odom", "odom"]
 """`--tf-frames`: what is above `base_link`, from the frame that has no parent on `/tf`."""
@@ -79,6 +83,23 @@ class Mount(Record):
     mounting: Mounting
 
 
+class Wheel(NamedTuple):
+    """A wheel of an ego, in `base_link`.
+
+    Attributes:
+        name: of its frame, without the prefix of the ego.
+        place: of its middle [m].
+        radius, width: [m].
+        max_steer: greatest angle to either side [rad].
+    """
+
+    name: str
+    place: Vector
+    radius: float
+    width: float
+    max_steer: float
+
+
 class TfPublisher:
     """Maker of the messages of both topics; structs of tf2_msgs/TFMessage."""
 
@@ -88,6 +109,7 @@ class TfPublisher:
         world: World,
         convert: Converter,
         frames: TfFrames = "map",
+        wheels: Callable[[Ego], Iterable[Wheel]] | None = None,
     ) -> None:
         """Read nothing yet.
 
@@ -96,10 +118,12 @@ class TfPublisher:
             world: has the poses.
             convert: makes the headers.
             frames: above `base_link`.
+            wheels: those of an ego; None for no frames of wheels.
         """
         self._world = world
         self._convert = convert
         self._frames = frames
+        self._wheels = wheels
         self._message = maker(store, TF, "transforms")
         self._stamped = maker(store, "geometry_msgs/TransformStamped", "header", "child_frame_id", "transform")
         self._transform = maker(store, "geometry_msgs/Transform", "translation", "rotation")
@@ -126,7 +150,17 @@ class TfPublisher:
                 transforms.append(self._stamped(header(frame, MAP), prefix + ODOM, pose))
             parent, place_of_base, axes = pose_of_base(world, ego, self._frames)
             transforms.append(self._stamped(header(frame, parent), prefix + BASE, self._pose(place_of_base, axes)))
+            if self._wheels is not None:
+                transforms += self._turned(prefix, ego.row, self._wheels(ego))
         return self._message(transforms)
+
+    def _turned(self, prefix: str, row: int, wheels: Iterable[Wheel]) -> Iterator[Struct]:
+        world = self._world
+        header = self._convert.header(world.frame, prefix + BASE)
+        front, rear = [quaternion(0.0, 0.0, angle.item(row)) for angle in (world.steer, world.rear_steer)]
+        for wheel in wheels:
+            axes = front if wheel.name.startswith("front") else rear
+            yield self._stamped(header, prefix + wheel.name, self._pose(wheel.place, axes))
 
     def mounts(self, egos: Iterable[Ego]) -> tuple[Mount, ...]:
         """Return the frames that are fixed to the egos.
@@ -171,7 +205,11 @@ class TfPublisher:
 
 
 class StaticTf:
-    """Publisher of `/tf_static`; latched."""
+    """Publisher of `/tf_static`; latched.
+
+    Attributes:
+        on_announce: `(now)` after each look at the frames, whether they differ or not: an ego may have another model.
+    """
 
     def __init__(self, transforms: TfPublisher, egos: EgoRegistry, publishers: Publishers) -> None:
         """Create the topic; nothing is published before the first `announce`.
@@ -186,6 +224,7 @@ class StaticTf:
         self._publishers = publishers
         self._topic = publishers.keep("/tf_static", TF, is_exclusive=False)
         self._mounts: tuple[Mount, ...] | None = None
+        self.on_announce: list[Callable[[float], object]] = []
 
     def announce(self, now: float) -> None:
         """Publish the fixed frames, if they differ from the ones published last."""
@@ -193,6 +232,12 @@ class StaticTf:
         if mounts != self._mounts:
             self._mounts = mounts
             self._publishers.update(self._topic, self._transforms.static(mounts), now)
+        for follow in self.on_announce:
+            follow(now)
+
+    def mounts_of(self, ego: Ego) -> tuple[Mount, ...]:
+        """Return the frames that are fixed to an ego, as they are on the topic."""
+        return self._transforms.mounts([ego])
 
     def announce_again(self, now: float) -> None:
         """Publish the fixed frames even if they have not changed, because their stamp has."""

@@ -20,7 +20,7 @@ from msgspec import Meta
 from rosbridge_sim.documents import Document, Spelling, number_spelling
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP, ODOM
+from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP, ODOM, WHEEL_FRAMES
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading, place_of
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
@@ -67,7 +67,7 @@ GPS_FRAME, IMU_FRAME = "gps_link", "imu_link"
 
 _FRAME_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TOPIC: Final = re.compile(r"(?:/[A-Za-z][A-Za-z0-9_]*)+")
-_TAKEN_FRAMES: Final = frozenset({MAP, ODOM, BASE, CENTER, GPS_FRAME, IMU_FRAME})
+_TAKEN_FRAMES: Final = frozenset({MAP, ODOM, BASE, CENTER, *WHEEL_FRAMES, GPS_FRAME, IMU_FRAME})
 
 
 def _check_frame(value: str) -> None:
