@@ -102,7 +102,6 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "sensor",
             "shot",
             "clip",
-            "watch",
             "layout",
             "wait",
             "schema",

@@ -103,7 +103,6 @@ LONGEST = (
     "campaign_runs/test_hostile_drivers.py",
     "test_mutate.py",
     "link/test_stop_signals.py",
-    "cli/watch/test_watch.py",
     "campaign_runs/test_campaigns.py",
     "environments/test_driving_envs.py",
     "world/followers/test_lane_following.py",

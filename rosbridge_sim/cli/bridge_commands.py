@@ -1,11 +1,10 @@
-"""The commands that work with any rosbridge: `rosbridge-sim topic`, `service`, `watch`, `layout`, `wait`."""
+"""The commands that work with any rosbridge: `rosbridge-sim topic`, `service`, `layout`, `wait`."""
 
 from __future__ import annotations
 
 import asyncio
 import math
 import os
-from argparse import BooleanOptionalAction
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -35,7 +34,7 @@ from rosbridge_sim.link.arguments import PREFIX, Parser
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.tool_client import Bridge
 
-__all__ = ["run_layout", "run_service", "run_topic", "run_wait", "run_watch"]
+__all__ = ["run_layout", "run_service", "run_topic", "run_wait"]
 
 DEFAULT_RATE = 1.0
 """Default rate of `pub` [Hz], as in `ros2 topic pub`."""
@@ -303,52 +302,6 @@ def _call(options: Options) -> int:
 
 
 # watch
-
-
-def run_watch(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim watch`."""
-    parser = command_of(
-        "watch",
-        _watch,
-        "Show the scene in a terminal, from above: map, objects, lights, the ego and its figures.",
-        epilog="Keys: q quits, + and - zoom, the arrows move the picture, f follows the ego again, h puts its heading"
-        " up, m shows the whole map. Any rosbridge with /Ego_topic will do; the map needs this simulator. If the output"
-        " is no terminal, one picture is printed.",
-    )
-    add_server(parser)
-    parser.add_argument("address", metavar="URL", nargs="?", help="the same as --url")
-    parser.add_argument("--once", action="store_true", help="print one picture, then end")
-    parser.add_argument("--rate", type=_pictures, default=10.0, metavar="HZ", help="pictures a second, at most 60 [10]")
-    text = "draw in colours [if it is a terminal that has them, and NO_COLOR is not set]"
-    parser.add_argument("--colour", "--color", action=BooleanOptionalAction, default=True, help=text)
-    parser.add_argument(
-        "--timeout",
-        dest="patience",
-        type=SECONDS,
-        default=ANSWER_PATIENCE,
-        metavar="SECONDS",
-        help=f"longest wait for a connection or an answer [{ANSWER_PATIENCE:g}]",
-    )
-    parser.set_defaults(end=0)
-    return run_command(parser, argv)
-
-
-_pictures = make_number(0.1, 60, "pictures a second, 0.1 to 60", float)
-
-
-def _watch(options: Options) -> int:
-    from rosbridge_sim.cli.watch.watch_command import watch  # noqa: PLC0415 - see above
-
-    return asyncio.run(
-        watch(
-            options.address or options.url,
-            options.token,
-            options.patience,
-            rate=options.rate,
-            is_once=options.once,
-            has_colour=options.colour,
-        )
-    )
 
 
 def run_layout(argv: Sequence[str]) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rosbridge_sim.cli.bag_commands import run_bag, run_record
-from rosbridge_sim.cli.bridge_commands import run_layout, run_service, run_topic, run_wait, run_watch
+from rosbridge_sim.cli.bridge_commands import run_layout, run_service, run_topic, run_wait
 from rosbridge_sim.cli.campaign_commands import run_campaign
 from rosbridge_sim.cli.file_commands import run_docs, run_interface, run_map, run_scenario, run_schema
 from rosbridge_sim.cli.graph_commands import run_action, run_node, run_param
@@ -49,7 +49,6 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "sensor": run_sensor,
     "shot": run_shot,
     "clip": run_clip,
-    "watch": run_watch,
     "layout": run_layout,
     "wait": run_wait,
 }

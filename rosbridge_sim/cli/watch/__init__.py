@@ -1,1 +1,0 @@
-"""`rosbridge-sim watch`: the scene in a terminal."""
