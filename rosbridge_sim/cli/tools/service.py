@@ -10,7 +10,6 @@ from rosbridge_sim.cli.tools.tool_client import Bridge, ToolAnswer, absolute, wo
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
-from rosbridge_sim.schema.definitions.names import RENAMED_PACKAGES
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["call", "find_services", "list_services", "read_fields", "show_service", "show_service_word"]
@@ -245,6 +244,8 @@ async def _check_type(bridge: Bridge, service: str, type_name: str) -> None:
 
 def _canonical(type_name: str) -> str:
     """Return a type's name without what differs between the generations."""
+    from rosbridge_sim.schema.definitions.names import RENAMED_PACKAGES  # noqa: PLC0415 - not for a command's help
+
     package, _, short = type_name.replace("/srv/", "/").partition("/")
     return f"{RENAMED_PACKAGES.get(package, package)}/{short}"
 
