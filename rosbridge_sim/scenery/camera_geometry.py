@@ -1,8 +1,13 @@
-"""Geometry of a camera: intrinsics, mounting, projection of points, and boxes of entities in view.
+"""Geometry of cameras: intrinsics, mounting, projection of points, and boxes of entities in view.
 
 The camera looks along its own x axis, y is left and z is up, as a vehicle's axes. In the *optical* frame z looks ahead,
 x is right and y is down. In a picture the pixel of column i and row j covers i..i+1 and j..j+1 from the upper left
 corner, and the principal point is the exact middle, (width / 2, height / 2), as in MORAI's presets. Pixels are square.
+
+`CameraModel` is a pinhole with the plumb-bob model of lens distortion (Brown 1966). `FisheyeModel` has the equidistant
+projection with the polynomial of Kannala and Brandt (2006): what is at the angle a from the optical axis is at the
+distance  f a (1 + k1 a^2 + k2 a^4 + k3 a^6 + k4 a^8)  from the principal point, with the focal length f. Both are those
+of OpenCV, where the second one is `cv2.fisheye`.
 """
 
 from __future__ import annotations
@@ -10,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +23,11 @@ from numpy.typing import ArrayLike, NDArray
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 
-__all__ = ["Box2D", "CameraModel", "Pose", "box_corners", "boxes_in_view", "mount", "rotation"]
+__all__ = ["Box2D", "CameraModel", "FisheyeModel", "Pose", "box_corners", "boxes_in_view", "mount", "rotation"]
 
-MIN_FOV, MAX_FOV = 1.0, 170.0
-"""Bounds of the horizontal field of view [deg]: a plane picture of 180 has no width."""
+MIN_FOV, MAX_FOV, MAX_FISHEYE_FOV = 1.0, 170.0, 220.0
+"""Bounds of the horizontal field of view [deg]: a plane picture of 180 has no width, and fisheye lenses of cars have up
+to 200."""
 
 MAX_SIDE: Final = 8_192
 """Longest side of a picture [pixels]: what OpenGL drivers have at least."""
@@ -31,6 +37,12 @@ MAX_PIXELS: Final = 8_294_400
 
 NEAR: Final = 0.05
 """Distance within which a camera sees nothing [m]."""
+
+TABLE_SIZE: Final = 20_001
+"""Angles between which those of a fisheye's pixels are interpolated: a place is right to 1e-6 pixels."""
+
+EDGE_PLACES: Final = 17
+"""Places on an edge of a box, which a fisheye bends; bounds of a car beside the camera are right to 2 pixels of 640."""
 
 UNDISTORT_ROUNDS: Final = 20
 """Fixed-point rounds of the inverse of a lens distortion: each leaves a fifth of the error for usual lenses."""
@@ -98,6 +110,9 @@ class CameraModel:
         fov_deg: horizontal field of view, without distortion [deg].
         distortion: k1, k2, p1, p2, k3 of the plumb-bob model, as OpenCV and `sensor_msgs/CameraInfo` have them.
 
+        max_fov_deg, num_coefficients: bounds of these.
+        is_plane: a plane can show all that it sees.
+
     Raises:
         ValueError: a size or an angle is out of bounds.
     """
@@ -105,7 +120,11 @@ class CameraModel:
     width: int = 640
     height: int = 480
     fov_deg: float = 90.0
-    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    max_fov_deg: ClassVar[float] = MAX_FOV
+    num_coefficients: ClassVar[int] = 5
+    is_plane: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -113,10 +132,11 @@ class CameraModel:
             raise ValueError(f"camera: expected 1..{MAX_SIDE} pixels a side, got {self.width} x {self.height}")
         if self.width * self.height > MAX_PIXELS:
             raise ValueError(f"camera: expected at most {MAX_PIXELS:,} pixels, got {self.width} x {self.height}")
-        if not MIN_FOV <= self.fov_deg <= MAX_FOV:
-            raise ValueError(f"camera: expected a field of view of {MIN_FOV}..{MAX_FOV} deg, got {self.fov_deg!r}")
-        if len(self.distortion) != 5 or not all(abs(value) <= 1.0 for value in self.distortion):  # noqa: PLR2004
-            raise ValueError(f"camera: expected 5 distortion coefficients of at most 1, got {self.distortion!r}")
+        most, num = self.max_fov_deg, self.num_coefficients
+        if not MIN_FOV <= self.fov_deg <= most:
+            raise ValueError(f"camera: expected a field of view of {MIN_FOV}..{most} deg, got {self.fov_deg!r}")
+        if len(self.distortion) != num or not all(abs(value) <= 1.0 for value in self.distortion):
+            raise ValueError(f"camera: expected {num} distortion coefficients of at most 1, got {self.distortion!r}")
 
     @property
     def focal(self) -> float:
@@ -131,7 +151,7 @@ class CameraModel:
     @property
     def is_distorted(self) -> bool:
         """True if the lens bends straight lines."""
-        return any(self.distortion)
+        return any(self.distortion) or not self.is_plane
 
     @property
     def matrix(self) -> FloatArray:
@@ -163,11 +183,103 @@ class CameraModel:
 
     @cached_property
     def rays(self) -> NDArray[np.float32]:
-        """(h * w, 3) directions of the middles of all pixels, row by row; x forward, y left, z up, with x = 1."""
+        """(h * w, 3) directions of the middles of all pixels, row by row; x forward, y left, z up.
+
+        x = 1 if a plane can show all. Otherwise they are unit vectors, and nan where the lens shows nothing.
+        """
         column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         bent = (np.column_stack([column.ravel(), row.ravel()]) - np.array(self.center)) / self.focal
+        return self._rays_of(bent).astype(np.float32)
+
+    def _rays_of(self, bent: FloatArray) -> FloatArray:
+        """Return the rays of places (n, 2) from the principal point, in focal lengths."""
         flat = self.undistort(bent)
-        return np.column_stack([np.ones(len(flat)), -flat]).astype(np.float32)
+        return np.column_stack([np.ones(len(flat)), -flat])
+
+    def outline(self, corners: FloatArray) -> FloatArray:
+        """Return places in the picture that bound boxes, (k, m, 2) [pixels]; nan where nothing is seen.
+
+        Args:
+            corners: (k, 8, 3) in the camera's axes, in the order of `box_corners` [m].
+        """
+        # Edges that pass the camera's plane end there.
+        start, end = corners[:, _EDGES[:, 0]], corners[:, _EDGES[:, 1]]
+        low, high = np.minimum(start[..., 0], end[..., 0]), np.maximum(start[..., 0], end[..., 0])
+        does_cross = (low < NEAR) & (high > NEAR)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (NEAR - start[..., 0]) / (end[..., 0] - start[..., 0])
+            cut = start + np.where(does_cross, share, np.nan)[..., None] * (end - start)
+            every = np.concatenate([corners, cut], axis=1)
+            is_ahead = every[..., 0] >= NEAR * (1.0 - 1e-9)
+            flat = -every[..., 1:] / every[..., :1]
+        flat = self.distort(np.where(is_ahead[..., None], flat, np.nan).reshape(-1, 2)).reshape(flat.shape)
+        return np.asarray(flat * self.focal + np.array(self.center))
+
+    def depths(self, points: FloatArray) -> FloatArray:
+        """Return what a picture of depth has of points (..., 3) in the camera's axes: along the optical axis [m]."""
+        return np.asarray(points[..., 0])
+
+
+@dataclass(frozen=True)
+class FisheyeModel(CameraModel):
+    """Size, field of view and lens of a fisheye camera.
+
+    It sees up to 90 deg from the optical axis, or half of its field of view if that is more; what lies beyond is black.
+
+    Attributes:
+        distortion: k1, k2, k3, k4; see the head of this file.
+    """
+
+    max_fov_deg: ClassVar[float] = MAX_FISHEYE_FOV
+    num_coefficients: ClassVar[int] = 4
+    is_plane: ClassVar[bool] = False
+    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def focal(self) -> float:
+        """Focal length [pixels]: pixels for each radian in the middle."""
+        return self.width / math.radians(self.fov_deg)
+
+    @property
+    def reach_deg(self) -> float:
+        """Largest angle from the optical axis that is seen [deg]."""
+        return max(90.0, 0.5 * self.fov_deg)
+
+    @property
+    def is_one_to_one(self) -> bool:
+        """True if each place in the picture shows one angle: the distance from the middle grows with it."""
+        return bool((np.diff(self._bend(self._table)) > 0.0).all())
+
+    @property
+    def _table(self) -> FloatArray:
+        return np.linspace(0.0, math.radians(self.reach_deg), TABLE_SIZE)
+
+    def _bend(self, angle: FloatArray) -> FloatArray:
+        """Return distances from the principal point, in focal lengths."""
+        k1, k2, k3, k4 = self.distortion
+        square = angle * angle
+        return angle * (1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4))))
+
+    def _rays_of(self, bent: FloatArray) -> FloatArray:
+        away = np.hypot(bent[:, 0], bent[:, 1])
+        table = self._table
+        angle = np.interp(away, self._bend(table), table, right=np.nan)
+        side = np.sin(angle) / np.maximum(away, 1e-12)
+        return np.column_stack([np.cos(angle), -bent * side[:, None]])
+
+    def outline(self, corners: FloatArray) -> FloatArray:
+        """Return places on the edges of boxes; see `CameraModel.outline`."""
+        start, end = corners[:, _EDGES[:, 0], None], corners[:, _EDGES[:, 1], None]
+        share = np.linspace(0.0, 1.0, EDGE_PLACES)[:, None]
+        x, y, z = np.moveaxis((start + share * (end - start)).reshape(len(corners), -1, 3), -1, 0)
+        aside = np.hypot(y, z)
+        angle = np.arctan2(aside, x)
+        away = np.where(angle <= self._table[-1], self._bend(angle), np.nan) / np.maximum(aside, 1e-12)
+        return np.asarray(np.stack([-y * away, -z * away], axis=-1) * self.focal + np.array(self.center))
+
+    def depths(self, points: FloatArray) -> FloatArray:
+        """Return what a picture of depth has of points (..., 3) in the camera's axes: distances from the camera [m]."""
+        return np.asarray(np.linalg.norm(points, axis=-1))
 
 
 class Box2D(NamedTuple):
@@ -218,23 +330,13 @@ def boxes_in_view(
     corners = (box_corners(frame) - np.array(pose[:3])) @ rotation(*pose[3:])
     middle = corners.mean(axis=1)
     is_near: BoolArray = (np.linalg.norm(middle, axis=1) <= max_range) & (frame.ids != without)
-    rows = np.flatnonzero(is_near & (corners[:, :, 0].max(axis=1) > NEAR))
-    corners = corners[rows]
-    # Edges that pass the camera's plane end there.
-    start, end = corners[:, _EDGES[:, 0]], corners[:, _EDGES[:, 1]]
-    low, high = np.minimum(start[..., 0], end[..., 0]), np.maximum(start[..., 0], end[..., 0])
-    does_cross = (low < NEAR) & (high > NEAR)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (NEAR - start[..., 0]) / (end[..., 0] - start[..., 0])
-        cut = start + np.where(does_cross, share, np.nan)[..., None] * (end - start)
-        every = np.concatenate([corners, cut], axis=1)
-        is_ahead = every[..., 0] >= NEAR * (1.0 - 1e-9)
-        flat = -every[..., 1:] / every[..., :1]
-    flat = camera.distort(np.where(is_ahead[..., None], flat, np.nan).reshape(-1, 2)).reshape(flat.shape)
-    place = flat * camera.focal + np.array(camera.center)
+    rows = np.flatnonzero(is_near)
+    place = camera.outline(corners[rows])
+    is_any = np.isfinite(place).any(axis=(1, 2))
+    rows, place = rows[is_any], place[is_any]
     limit = np.array([camera.width, camera.height], dtype=np.float64)
     low_corner = np.clip(np.nanmin(place, axis=1), 0.0, limit) if len(rows) else np.zeros((0, 2))
     high_corner = np.clip(np.nanmax(place, axis=1), 0.0, limit) if len(rows) else np.zeros((0, 2))
     is_seen = (high_corner > low_corner).all(axis=1)
     bounds = np.concatenate([low_corner, high_corner], axis=1)
-    return Box2D(rows[is_seen], bounds[is_seen], corners[is_seen])
+    return Box2D(rows[is_seen], bounds[is_seen], corners[rows][is_seen])

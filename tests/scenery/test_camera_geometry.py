@@ -7,7 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, box_corners, boxes_in_view, mount, rotation
+from rosbridge_sim.scenery.camera_geometry import (
+    CameraModel,
+    FisheyeModel,
+    Pose,
+    box_corners,
+    boxes_in_view,
+    mount,
+    rotation,
+)
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.world.geometry.planar import quaternion, rotate
 from rosbridge_sim.world.state.world import Body, Kind, World
@@ -108,3 +116,54 @@ def test_box_that_passes_the_camera_reaches_the_edge_of_the_picture() -> None:
     assert bounds[0] == 0.0
     assert 0.0 < bounds[2] < 320.0
     assert bounds[3] == 480.0
+
+
+# Fisheye
+
+BENT = (0.05, -0.01, 0.002, -0.0005)
+
+
+def test_fisheye_shows_points_where_opencv_does() -> None:
+    camera = FisheyeModel(640, 480, 180.0, BENT)
+    assert camera.focal == pytest.approx(640.0 / math.pi)
+    points = np.array([(3.0, 1.0, 2.0), (-4.0, -1.5, 1.0), (0.5, 2.0, 0.5), (0.0, 0.0, 1.0)])  # right, down, ahead
+    # cv2.fisheye.projectPoints of OpenCV 5.0 for the same K and D
+    expected = [(522.754921, 307.584974), (47.874473, 137.952927), (390.036679, 520.146716), (320.0, 240.0)]
+    ours = np.column_stack([points[:, 2], -points[:, 0], -points[:, 1]])
+    place = camera.outline(np.repeat(ours[:, None], 8, axis=1))[:, 0]  # boxes without a size
+    assert place == pytest.approx(np.array(expected), abs=1e-5)
+
+
+@pytest.mark.parametrize(("fov", "distortion"), [(180.0, BENT), (220.0, (0.0, 0.0, 0.0, 0.0)), (100.0, BENT)])
+def test_rays_of_a_fisheye_are_shown_at_the_middles_of_their_pixels(fov: float, distortion: tuple[float, ...]) -> None:
+    camera = FisheyeModel(64, 48, fov, distortion)
+    rays = camera.rays.astype(np.float64)
+    is_seen = np.isfinite(rays[:, 0])
+    assert np.linalg.norm(rays[is_seen], axis=1) == pytest.approx(1.0)
+    place = camera.outline(np.repeat(7.0 * rays[is_seen][:, None], 8, axis=1))[:, 0]
+    rows, columns = np.mgrid[:48, :64].reshape(2, -1) + 0.5
+    assert place == pytest.approx(np.column_stack([columns, rows])[is_seen], abs=1e-4)
+    # Beyond 90 deg, or half of the field of view, is nothing.
+    assert np.degrees(np.arccos(rays[is_seen, 0])).max() <= max(90.0, fov / 2.0) + 1e-3
+    assert is_seen.all() == (fov < 120.0)
+
+
+def test_bounds_of_a_box_in_a_fisheye_are_those_of_its_bent_edges() -> None:
+    world = World()
+    world.spawn(Kind.VEHICLE, Body(), name="car", x=1.0, y=2.5, yaw=0.4)
+    frame, camera, pose = take_frame(world), FisheyeModel(640, 640, 200.0), Pose(0.0, 0.0, 1.5)
+    (bounds,) = boxes_in_view(frame, camera, pose).bounds
+    low, *_, high = box_corners(frame)[0]
+    turn, (length, width, height) = rotation(0.0, 0.0, 0.4), frame.sizes[0]
+    shares = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 61)] * 3), axis=-1).reshape(-1, 3)
+    away = 0.5 * (low + high) + (shares * (length, width, height)) @ turn.T - np.array(pose[:3])
+    side = np.hypot(away[:, 1], away[:, 2])
+    angle = np.arctan2(side, away[:, 0])
+    place = 320.0 - away[:, 1:] * (camera.focal * angle / side)[:, None]
+    place = place[angle <= math.radians(100.0)]
+    assert bounds == pytest.approx((*place.min(axis=0), *place.max(axis=0)), abs=2.0)
+
+
+def test_coefficients_with_which_the_picture_folds_are_found() -> None:
+    assert FisheyeModel(distortion=BENT).is_one_to_one
+    assert not FisheyeModel(distortion=(-0.5, 0.0, 0.0, 0.0)).is_one_to_one

@@ -72,7 +72,7 @@ async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> int:
         BridgeError: there is no answer.
         DocumentError: the file cannot be written.
     """
-    cameras = [one for one in await _ask(bridge, ego) if one.get("kind") == "camera"]
+    cameras = [one for one in await _ask(bridge, ego) if "/camera_info" in str(one.get("topics"))]
     names = [str(one.get("frame_id")) for one in cameras]
     if not cameras:
         raise RefusedError("the simulator has no camera; the server's --sensors camera brings one")

@@ -349,9 +349,9 @@ class Settings:
     sensors: str = flag(
         "none",
         _WORLD,
-        text_of("none, camera, lidar, teaching, lane-detection, calibration, all or a file", "NAME|FILE"),
-        "cameras, lidars and radars of each ego: none, camera, lidar, teaching, lane-detection, calibration, all, a"
-        " *.toml file, or a *.json file of MORAI's SaveFile/Sensor;"
+        text_of("none, camera, lidar, teaching, lane-detection, calibration, fisheye, all or a file", "NAME|FILE"),
+        "cameras, lidars and radars of each ego: none, camera, lidar, teaching, lane-detection, calibration,"
+        " fisheye, all, a *.toml file, or a *.json file of MORAI's SaveFile/Sensor;"
         " all but radars need the extra rosbridge-sim[sensors]",
     )
     weather: Literal["noon", "dusk", "night", "rain", "fog"] = flag(

@@ -92,19 +92,28 @@ class CameraRenderer:
         """Return the picture of a scene; see `scenery.pictures.PictureMaker`."""
         wanted = _Wanted(weather, without, channels, SAMPLES if is_smooth else 0)
         with self._context:  # another renderer of this thread may have been used since
-            if not camera.is_distorted:
-                return self._draw(static, frame, camera, pose, wanted)
-            lens = self._lens(camera)
-            return lens.bend(self._draw(static, frame, lens.plain, pose, wanted))
+            place, axes = np.array(pose[:3]), rotation(*pose[3:])
+            lens = self._lens(camera) if camera.is_distorted else None
+            planes = [(camera, axes)] if lens is None else [(view.camera, view.axes(axes)) for view in lens.views]
+            sights = [(plane, *_matrices(plane, turn, place - static.origin)) for plane, turn in planes]
+            which = np.any([_is_in_view(frame, static.origin, view) for _, view, _ in sights], axis=0)
+            self._take_moving(frame, static, place, which)
+            pictures = [self._draw(static, frame, sight, place - static.origin, wanted) for sight in sights]
+            return pictures[0] if lens is None else lens.bend(pictures)
 
-    def _draw(self, static: Mesh, frame: SceneFrame, camera: CameraModel, pose: Pose, wanted: _Wanted) -> Picture:
-        """Return a picture without distortion."""
+    def _draw(
+        self,
+        static: Mesh,
+        frame: SceneFrame,
+        sight: tuple[CameraModel, FloatArray, FloatArray],
+        eye: FloatArray,
+        wanted: _Wanted,
+    ) -> Picture:
+        """Return a picture without distortion; what moves is there already."""
         weather, without, channels, samples = wanted
         look = LOOKS[weather]
         cells = self._take_static(static)
-        eye = np.array(pose[:3]) - static.origin
-        view, back = _matrices(camera, pose, eye)
-        self._take_moving(frame, static, np.array(pose[:3]), view)
+        camera, view, back = sight
         targets = self._target(camera, samples)
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
         rgb = depth = label = instance = None
@@ -206,9 +215,8 @@ class CameraRenderer:
             self._static = static, CellMesh(self._context, static)
         return self._static[1]
 
-    def _take_moving(self, frame: SceneFrame, static: Mesh, eye: FloatArray, view: FloatArray) -> None:
+    def _take_moving(self, frame: SceneFrame, static: Mesh, eye: FloatArray, which: NDArray[np.bool_]) -> None:
         """Upload what moves in a picture; cameras at one place that see the same share it."""
-        which = _is_in_view(frame, static.origin, view)
         known = self._frame
         if (
             known is None
@@ -264,20 +272,25 @@ def _is_in_view(frame: SceneFrame, origin: FloatArray, view: FloatArray) -> NDAr
     return np.asarray((distances > -radius[:, None]).all(axis=1))
 
 
-def _matrices(camera: CameraModel, pose: Pose, eye: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the matrix from the scene to the picture, its first row at the top, and that from the picture to rays."""
-    turn = rotation(*pose[3:]).T
-    axes = np.array([-turn[1], -turn[2], turn[0]])  # right, down, ahead
+def _matrices(camera: CameraModel, axes: FloatArray, eye: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the matrix from the scene to the picture, its first row at the top, and that from the picture to rays.
+
+    Args:
+        camera: of a plane picture.
+        axes: (3, 3) its directions forward, left and up, a column each.
+        eye: its place in the scene [m].
+    """
+    look = np.array([-axes[:, 1], -axes[:, 2], axes[:, 0]])  # right, down, ahead
     half_x = camera.width / (2.0 * camera.focal)
     half_y = camera.height / (2.0 * camera.focal)
     view = np.zeros((4, 4))
-    view[0, :3], view[1, :3] = axes[0] / half_x, axes[1] / half_y
-    view[2, :3] = axes[2] * (FAR + NEAR) / (FAR - NEAR)
-    view[3, :3] = axes[2]
+    view[0, :3], view[1, :3] = look[0] / half_x, look[1] / half_y
+    view[2, :3] = look[2] * (FAR + NEAR) / (FAR - NEAR)
+    view[3, :3] = look[2]
     view[:, 3] = -view[:, :3] @ eye
     view[2, 3] -= 2.0 * FAR * NEAR / (FAR - NEAR)
     back = np.zeros((4, 4))
-    back[:3, 0], back[:3, 1], back[:3, 2] = axes[0] * half_x, axes[1] * half_y, axes[2]
+    back[:3, 0], back[:3, 1], back[:3, 2] = look[0] * half_x, look[1] * half_y, look[2]
     return view, back
 
 

@@ -1,43 +1,71 @@
-"""Pictures through a lens that bends lines: a plane picture, looked up pixel by pixel."""
+"""Pictures through a lens that bends lines: plane pictures, looked up pixel by pixel."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.scenery.camera_geometry import MAX_FOV, CameraModel
+from rosbridge_sim.scenery.camera_geometry import MAX_FOV, MAX_PIXELS, CameraModel
 from rosbridge_sim.scenery.pictures import Picture
+from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["Lens"]
+__all__ = ["Lens", "PlaneView"]
 
 MAX_GROWTH: Final = 2.0
 """The plane picture has so many times the side of the bent one at most; what lies beyond is black."""
 
+SHARPNESS: Final = 1.3
+"""Focal length of the sides of a cube, as a share of that of the fisheye: at 90 deg from its axis, where a side is
+coarsest, a fisheye stretches circles around the axis by pi / 2."""
 
-class Lens:
-    """The way from a plane picture to one of a camera with distortion.
+NARROW: Final = 0.45
+"""Cosine of the largest angle from the axis that one plane picture shows, 63 deg: towards 90 it grows without end."""
+
+MARGIN: Final = 1.0
+"""Pixels of a side of a cube beyond its edge, so that colours can be mixed there."""
+
+SIDES: Final = (
+    ((0, 1, 2), (1, 1, 1)),
+    ((1, 0, 2), (1, -1, 1)),
+    ((1, 0, 2), (-1, 1, 1)),
+    ((2, 1, 0), (1, 1, -1)),
+    ((2, 1, 0), (-1, 1, 1)),
+    ((0, 1, 2), (-1, -1, 1)),
+)
+"""Sides of a cube around the camera: ahead, left, right, up, down, back. Each has the axes of the camera that are its
+own ones (forward, left, up), and their signs."""
+
+
+class PlaneView:
+    """A plane picture, and the pixels of the bent one that show it.
 
     Args:
-        camera: with distortion.
+        camera: of the plane picture.
+        side: axes and signs, as in `SIDES`.
+        pixels: indices of the pixels.
+        place: (k, 2) where they look, column and row of the plane picture; 0 is the middle of the first pixel.
+        stretch: (k,) depth of these pixels, as a share of that of the plane picture.
 
     Attributes:
-        plain: the camera of the plane picture: the same focal length, and large enough.
+        camera: as given.
     """
 
-    def __init__(self, camera: CameraModel) -> None:
-        flat = -camera.rays[:, 1:].astype(np.float64)  # right and down, at depth 1
-        finite = np.where(np.isfinite(flat), flat, 0.0)
-        reach = np.minimum(np.abs(finite).max(axis=0), math.tan(math.radians(MAX_FOV / 2.0)))
-        half = reach * camera.focal + 1.0
-        limit = 0.5 * MAX_GROWTH * np.array([camera.width, camera.height])
-        width, height = (2 * math.ceil(min(side, most)) for side, most in zip(half, limit, strict=True))
-        fov = 2.0 * math.degrees(math.atan(width / (2.0 * camera.focal)))
-        self.plain = CameraModel(width, height, fov)
-        self._shape = camera.height, camera.width
-        place = flat * camera.focal + np.array(self.plain.center) - 0.5  # of pixels' middles
+    def __init__(
+        self,
+        camera: CameraModel,
+        side: tuple[Sequence[int], Sequence[int]],
+        pixels: NDArray[np.intp] | slice,
+        place: FloatArray,
+        stretch: NDArray[np.float32],
+    ) -> None:
+        self.camera = camera
+        self._order, self._signs = list(side[0]), np.array(side[1], dtype=np.float64)
+        self._pixels, self._stretch = pixels, stretch
+        width, height = camera.width, camera.height
         column, row = place.T
         half_pixel = 0.5
         is_inside = (column > -half_pixel) & (column < width - half_pixel)
@@ -51,16 +79,12 @@ class Lens:
         weights = np.stack([(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v])
         self._weights = np.rint(256.0 * weights).astype(np.uint16)
 
-    def bend(self, picture: Picture) -> Picture:
-        """Return a plane picture as the lens shows it: colours between pixels are mixed, the rest is not."""
-        return Picture(
-            None if picture.rgb is None else self._mix(picture.rgb),
-            None if picture.depth is None else self._pick(picture.depth, np.float32(np.inf)),
-            None if picture.label is None else self._pick(picture.label, np.uint8(0)),
-            None if picture.instance is None else self._pick(picture.instance, np.int32(0)),
-        )
+    def axes(self, camera: FloatArray) -> FloatArray:
+        """Return the axes of the plane picture, from those of the bent one: (3, 3), a column for each."""
+        return np.asarray(camera[:, self._order] * self._signs)
 
-    def _mix(self, rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def mix(self, rgb: NDArray[np.uint8], into: NDArray[np.uint8]) -> None:
+        """Write the colours of the pixels: those between pixels of the plane picture are mixed."""
         width = rgb.shape[1]
         flat = rgb.reshape(-1, 3)
         total = np.zeros((len(self._corner), 3), dtype=np.uint32)
@@ -68,11 +92,74 @@ class Lens:
             total += flat[self._corner + shift] * weight[:, None]
         mixed = np.minimum((total + 128) >> 8, 255).astype(np.uint8)
         mixed[self._is_outside] = 0
-        picture: NDArray[np.uint8] = mixed.reshape(*self._shape, 3)
-        return picture
+        into[self._pixels] = mixed
 
-    def _pick(self, values: NDArray[np.generic], outside: np.generic) -> NDArray[Any]:
+    def pick(self, values: NDArray[Any], into: NDArray[Any], outside: float) -> None:
+        """Write other values of the pixels: those of the nearest pixel of the plane picture."""
         picked = values.reshape(-1)[self._nearest]
         picked[self._is_outside] = outside
-        picture: NDArray[Any] = picked.reshape(self._shape)
-        return picture
+        into[self._pixels] = picked * self._stretch if values.dtype == np.float32 else picked
+
+
+class Lens:
+    """The way from plane pictures to one of a camera with a lens that bends lines.
+
+    Args:
+        camera: its lens bends lines.
+
+    Attributes:
+        views: the plane pictures: one with the same focal length, large enough, or those sides of a cube that are seen.
+    """
+
+    def __init__(self, camera: CameraModel) -> None:
+        self._shape = camera.height, camera.width
+        rays = camera.rays.astype(np.float64)
+        is_narrow = camera.is_plane or bool((rays[:, 0] > NARROW).all())
+        self.views = [_one_view(camera, rays)] if is_narrow else _sides(camera, rays)
+
+    def bend(self, pictures: Sequence[Picture]) -> Picture:
+        """Return the pictures of the views as the lens shows them."""
+        first = pictures[0]
+        rgb = None if first.rgb is None else np.zeros((math.prod(self._shape), 3), dtype=np.uint8)
+        parts: dict[str, NDArray[Any]] = {}
+        for view, picture in zip(self.views, pictures, strict=True):
+            if rgb is not None and picture.rgb is not None:
+                view.mix(picture.rgb, rgb)
+            for name, outside in (("depth", np.inf), ("label", 0), ("instance", 0)):
+                values = getattr(picture, name)
+                if values is not None:
+                    whole = parts.setdefault(name, np.full(math.prod(self._shape), outside, dtype=values.dtype))
+                    view.pick(values, whole, outside)
+        found = {name: values.reshape(self._shape) for name, values in parts.items()}
+        return Picture(
+            None if rgb is None else rgb.reshape(*self._shape, 3),
+            *(found.get(name) for name in ("depth", "label", "instance")),
+        )
+
+
+def _one_view(camera: CameraModel, rays: FloatArray) -> PlaneView:
+    flat = -rays[:, 1:] / rays[:, :1]  # right and down, at depth 1
+    finite = np.where(np.isfinite(flat), flat, 0.0)
+    reach = np.minimum(np.abs(finite).max(axis=0), math.tan(math.radians(MAX_FOV / 2.0)))
+    half = reach * camera.focal + 1.0
+    limit = 0.5 * MAX_GROWTH * np.array([camera.width, camera.height])
+    width, height = (2 * math.ceil(min(side, most)) for side, most in zip(half, limit, strict=True))
+    plain = CameraModel(width, height, 2.0 * math.degrees(math.atan(width / (2.0 * camera.focal))))
+    place = flat * camera.focal + np.array(plain.center) - 0.5  # of pixels' middles
+    return PlaneView(plain, SIDES[0], slice(None), place, (1.0 / rays[:, 0]).astype(np.float32))
+
+
+def _sides(camera: CameraModel, rays: FloatArray) -> Sequence[PlaneView]:
+    focal = min(SHARPNESS * camera.focal, 0.5 * math.isqrt(MAX_PIXELS) - MARGIN - 1.0)
+    size = 2 * math.ceil(focal + MARGIN)
+    plain = CameraModel(size, size, 2.0 * math.degrees(math.atan(size / (2.0 * focal))))
+    ahead = np.column_stack([rays[:, order[0]] * signs[0] for order, signs in SIDES])
+    nearest = np.where(np.isfinite(rays[:, 0]), ahead.argmax(axis=1), -1)
+    views = []
+    for number, (order, signs) in enumerate(SIDES):
+        pixels = np.flatnonzero(nearest == number)
+        if len(pixels):
+            local = rays[pixels][:, order] * np.array(signs)
+            place = -local[:, 1:] / local[:, :1] * plain.focal + np.array(plain.center) - 0.5
+            views.append(PlaneView(plain, (order, signs), pixels, place, (1.0 / local[:, 0]).astype(np.float32)))
+    return views

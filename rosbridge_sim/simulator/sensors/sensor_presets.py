@@ -1,7 +1,7 @@
 """Rigs of sensors that the user chooses: presets by name, and a file of ours.
 
-A file of ours is a table with a list for each kind of sensor: `[[camera]]`, `[[lidar3d]]`, `[[lidar2d]]`, `[[radar]]`,
-and a table each for the places of `[gps]` and `[imu]`. The sensors are numbered in this order of kinds.
+A file of ours is a table with a list for each kind of sensor (`[[camera]]`, `[[lidar3d]]`, ...), and a table each for
+the places of `[gps]` and `[imu]`. The sensors are numbered in the order of the kinds in `sensor_table`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from rosbridge_sim.document_reading import document_schema, learn_mistakes, read
 from rosbridge_sim.documents import Document, DocumentType, keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
+from rosbridge_sim.simulator.sensors.fisheye_camera import FisheyeSpec
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
@@ -65,6 +66,7 @@ PRESETS: Final[Mapping[str, Rig]] = {
     "teaching": (_CAMERA, _LIDAR),
     "lane-detection": (_LANE_CAMERA,),
     "calibration": _CALIBRATION,
+    "fisheye": (FisheyeSpec(x=3.8, z=0.7, pitch=10.0),),
     "all": (
         _CAMERA,
         CameraSpec(frame_id="Camera-depth", picture="depth", topic="/image", x=1.8, z=2.0, pitch=7.0),
@@ -73,7 +75,7 @@ PRESETS: Final[Mapping[str, Rig]] = {
         RadarSpec(x=3.8, z=0.5),
     ),
 }
-"""Rigs by name. The level lidar and the radar of `all` are behind the front bumper of a usual car."""
+"""Rigs by name. The fisheye, and the level lidar and the radar of `all`, are at the front bumper of a usual car."""
 
 
 def _field(kind: type[SensorSpec]) -> tuple[str, Any, Any]:

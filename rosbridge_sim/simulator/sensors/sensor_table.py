@@ -11,6 +11,7 @@ from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
+from rosbridge_sim.simulator.sensors.fisheye_camera import FisheyeSpec
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.imu import ImuSpec
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
@@ -24,6 +25,7 @@ KINDS: Final[tuple[type[SensorSpec], ...]] = (
     GpsSpec,
     ImuSpec,
     CameraSpec,
+    FisheyeSpec,
     Lidar3dSpec,
     Lidar2dSpec,
     RadarSpec,

@@ -57,6 +57,7 @@ def find_visible_boxes(
     assert depth is not None
     assert label is not None
     boxes = boxes_in_view(frame, camera, pose, without=carrier, max_range=BOX_RANGE)
+    nearest = camera.depths(boxes.corners).min(axis=1)
     found = VisibleBoxes([], [], [], [], [], [], [])
     for i, row in enumerate(boxes.rows.tolist()):
         left, top, right, bottom = boxes.bounds[i].tolist()
@@ -66,7 +67,7 @@ def find_visible_boxes(
         if not num_own:
             continue
         corners = boxes.corners[i]
-        num_hidden = int(np.count_nonzero(~is_own & (depth[window] < corners[:, 0].min())))
+        num_hidden = int(np.count_nonzero(~is_own & (depth[window] < nearest[i])))
         # Corners count z first, then y, then x: 0 is low right behind, 1 above it, 4 before it.
         length, height = corners[4] - corners[0], corners[1] - corners[0]
         found.ids.append(frame.ids.item(row))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_view, mount, rotation
+from rosbridge_sim.scenery.camera_geometry import CameraModel, FisheyeModel, Pose, boxes_in_view, mount, rotation
 from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
 from rosbridge_sim.scenery.pictures import Channel, Weather
 from rosbridge_sim.scenery.scene_frame import take_frame
@@ -181,6 +181,30 @@ def test_lens_bends_a_picture_as_the_model_says() -> None:
     assert picture.instance is not None
     assert picture.rgb is not None
     assert picture.rgb.shape == (480, 640, 3)
+    assert edges_of(picture.instance == 7) == pytest.approx((*place.min(axis=0), *place.max(axis=0)), abs=1.5)
+
+
+def test_fisheye_has_the_same_depths_on_all_sides_and_beyond_its_seams() -> None:
+    camera, pose = FisheyeModel(320, 320, 200.0, (0.02, -0.004, 0.0, 0.0)), Pose(0.0, 0.0, 1.5, 0.05, 0.3, 0.8)
+    picture = open_renderer().render(ground_mesh(), nothing(), camera, pose)
+    assert picture.depth is not None
+    assert picture.label is not None
+    down = (camera.rays.astype(np.float64) @ rotation(*pose[3:]).T)[:, 2].reshape(320, 320)
+    is_seen = np.isfinite(down)
+    assert np.isinf(picture.depth[~is_seen]).all()
+    assert (picture.label[~is_seen] == 0).all()
+    is_road = is_seen & (down < -0.1)
+    assert is_road.sum() > 20_000
+    assert picture.depth[is_road] == pytest.approx(-1.5 / down[is_road], rel=0.05)
+    assert np.isinf(picture.depth[is_seen & (down > 0.02)]).all()
+
+
+def test_fisheye_shows_a_box_beside_the_camera_where_the_model_says() -> None:
+    camera, pose, low, high = FisheyeModel(640, 480, 200.0), Pose(0, 0, 1.2), (-0.5, 3.0, 0.5), (1.0, 4.0, 2.8)
+    picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose)
+    corners = np.array([(x, y, z) for x in (-0.5, 1.0) for y in (3.0, 4.0) for z in (0.5, 2.8)]) - np.array(pose[:3])
+    place = camera.outline(corners[None])[0]
+    assert picture.instance is not None
     assert edges_of(picture.instance == 7) == pytest.approx((*place.min(axis=0), *place.max(axis=0)), abs=1.5)
 
 

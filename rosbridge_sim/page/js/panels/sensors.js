@@ -40,7 +40,7 @@ export function makeSensorsPanel(context) {
       return; // another list is on its way, or there
     }
     const sensors = /** @type {SensorInfo[]} */ (answer.sensors ?? []);
-    const cameras = sensors.filter(({ kind, topics }) => kind === "camera" && topics.length);
+    const cameras = sensors.filter(({ topics }) => topics.some((topic) => topic.endsWith("/camera_info")));
     const lidars = sensors.filter(({ kind }) => kind === "lidar3d");
     notice.show(answer.message || (cameras.length + lidars.length ? "" : texts.none));
     cameras.forEach((camera) => {
