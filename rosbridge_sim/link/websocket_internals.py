@@ -96,9 +96,6 @@ class MessageConnection(Connection):
         is_in_fragments: the library has read the start of a message, but not its end.
     """
 
-    has_queue = False
-    """True if data frames go to the library's own queue, for `recv`, and not to `take_message`."""
-
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self.core: Protocol = self.protocol
@@ -312,7 +309,7 @@ class MessageConnection(Connection):
         Args:
             event: a frame, or an HTTP request or response.
         """
-        if not isinstance(event, Frame) or event.opcode not in _DATA or self.has_queue:
+        if not isinstance(event, Frame) or event.opcode not in _DATA:
             super().process_event(event)
             return
         if event.opcode is not Opcode.CONT:

@@ -280,7 +280,6 @@ def limits_of(settings: Settings) -> ServerLimits:
         ping_interval=settings.ping_interval,
         ping_timeout=settings.ping_timeout,
         is_compressing=settings.compression,
-        is_direct=settings.websocket_io == "direct",
         is_talkative=settings.status,
         client_memory=settings.client_memory,
         memory_budget=settings.memory_budget or default_budget(),

@@ -6,9 +6,6 @@ highest. The ratio to the floor is the median of the rounds' ratios; above 1 the
 delivered message is the figure with the least noise.
 
     ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--against PROGRAM] [--json FILE]
-        [--websocket-io direct|library]
-
-`--websocket-io library --against .venv/bin/rosbridge-sim` measures the gain of our own reading of frames.
 """
 
 from __future__ import annotations
@@ -454,7 +451,7 @@ ROWS = (
 
 
 def _measure(
-    rows: Sequence[Row], rounds: int, seconds: float, against: str | None, flags: Sequence[str]
+    rows: Sequence[Row], rounds: int, seconds: float, against: str | None
 ) -> dict[str, list[tuple[Figures, Figures]]]:
     """Measure all rows.
 
@@ -463,14 +460,13 @@ def _measure(
         rounds: of each row.
         seconds: of each measurement.
         against: another server instead of the floor.
-        flags: of our server; the other one does not get them.
 
     Returns:
         Row -> (server's figures, floor's figures) of each round.
     """
     worldless = (*SERVER, "--no-world")
     measured: dict[str, list[tuple[Figures, Figures]]] = {}
-    with running((*worldless, *flags)):  # so that the first, slower start is not measured
+    with running(worldless):  # so that the first, slower start is not measured
         pass
     for row in rows:
         command = (*SERVER, "--scenario", str(PATHS)) if row.is_world else worldless
@@ -478,7 +474,6 @@ def _measure(
         run_other = row.floor
         if against is not None:
             other, run_other = (against, "serve", "--port", "0", *command[len(SERVER) :]), row.server
-        command = (*command, *flags)
         measured[row.name] = []
         with ExitStack() as stack:
             if not row.is_fresh:
@@ -553,21 +548,13 @@ def main() -> None:
     parser.add_argument(
         "--against", metavar="PROGRAM", help="another rosbridge-sim in place of the floor, such as one of an old commit"
     )
-    parser.add_argument(
-        "--websocket-io",
-        choices=("direct", "library"),
-        default="direct",
-        help="how the server reads frames; the program of --against does as it does by itself",
-    )
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
     args = parser.parse_args()
     rows = [row for row in ROWS if not args.only or any(part in row.name for part in args.only)]
     if not rows:
         parser.error("no such row; there are: " + "; ".join(row.name for row in ROWS))
     rounds, seconds = (3, 0.2) if args.quick else (args.rounds, 0.4)
-    # The default is not said, so that a server of an old commit can be measured too.
-    flags = () if args.websocket_io == "direct" else ("--websocket-io", args.websocket_io)
-    entries = _summary(rows, _measure(rows, rounds, seconds, args.against, flags))
+    entries = _summary(rows, _measure(rows, rounds, seconds, args.against))
     print(machine())
     print(f"median (lowest..highest) of {rounds} rounds")
     _print_table(entries)

@@ -112,7 +112,6 @@ class SimulatorOptions(TypedDict, total=False):
     ping_interval: float | None
     ping_timeout: float | None
     compression: bool
-    websocket_io: Literal["direct", "library"]
     status: bool
     record: str | Path | None
     record_topics: Sequence[str] | str

@@ -577,13 +577,6 @@ class Settings:
     compression: bool = flag(
         default=False, group=_WIRE, kind=SWITCH, text="compress messages (permessage-deflate) for clients that offer it"
     )
-    websocket_io: Literal["direct", "library"] = flag(
-        "direct",
-        _WIRE,
-        choice_of("direct", "library"),
-        "code that reads WebSocket frames: the server's own, or the slower code of the websockets library, to find out"
-        " from which of the two a fault comes",
-    )
     status: bool = flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames to clients")
 
     record: str | None = flag(

@@ -18,7 +18,7 @@ from websockets.extensions.permessage_deflate import ServerPerMessageDeflateFact
 from websockets.frames import Frame, Opcode
 from websockets.typing import ExtensionParameter
 
-__all__ = ["Deflated", "DeflatedText", "LateDeflate", "LateDeflateFactory", "inflate", "library_deflate"]
+__all__ = ["Deflated", "DeflatedText", "LateDeflate", "LateDeflateFactory", "inflate"]
 
 _SLICE = 256 * 1024
 """Bytes decompressed in one slice: less than a millisecond."""
@@ -100,7 +100,9 @@ class LateDeflateFactory(ServerExtensionFactory):
     name = ServerPerMessageDeflateFactory.name
 
     def __init__(self) -> None:
-        self._library = library_deflate()
+        self._library = ServerPerMessageDeflateFactory(
+            server_max_window_bits=12, client_max_window_bits=12, compress_settings={"memLevel": 5}
+        )
 
     def process_request_params(
         self, params: Sequence[ExtensionParameter], accepted_extensions: Sequence[Extension]
@@ -125,13 +127,6 @@ class LateDeflateFactory(ServerExtensionFactory):
             window_bits=int(said.get("client_max_window_bits") or _DEFAULT_WINDOW),
         )
         return answer, extension
-
-
-def library_deflate() -> ServerPerMessageDeflateFactory:
-    """Return the library's own extension with its own default settings."""
-    return ServerPerMessageDeflateFactory(
-        server_max_window_bits=12, client_max_window_bits=12, compress_settings={"memLevel": 5}
-    )
 
 
 def inflate(extension: LateDeflate, data: Deflated, max_bytes: int) -> Generator[None, None, bytes | None]:

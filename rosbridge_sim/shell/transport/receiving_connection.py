@@ -1,13 +1,12 @@
-"""The common part of both kinds of server connection; subclasses read and write the messages.
+"""The HTTP request, compression in slices and the end of a server connection; `DirectConnection` reads the frames.
 
-`DirectConnection` reads frames with this package's own code, `LibraryConnection` with the library's. Both share the
-limit on data before a connection is trusted, compression in slices, and the way a connection ends.
+It also limits the data that is read before a connection is trusted.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol
 
 from websockets.asyncio.server import ServerConnection
@@ -105,61 +104,12 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         """Return the long text of a message that the receiver gets now; None if it has none."""
         return find_long_text(message)
 
-    # Methods that differ between the two kinds
-
-    def listen(self, receiver: Receiver) -> None:
-        """Give all messages to a receiver from now on, beginning with those that have already come."""
-        raise NotImplementedError
-
-    def pause(self) -> None:
-        """Stop reading from the transport until `go_on`. For a receiver that accepts no next message now."""
-        raise NotImplementedError
-
-    def put_back(self, message: bytes) -> None:
-        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message."""
-        raise NotImplementedError
-
-    def go_on(self, until: float) -> bool:
-        """Handle data that was held back.
-
-        Args:
-            until: end of the turn, by `perf_counter` [s].
-
-        Returns:
-            True if messages, or the end, are left.
-        """
-        raise NotImplementedError
-
-    def go_on_with_pings(self, until: float) -> None:
-        """Handle pings and pongs among the frames that wait; by default none do.
-
-        Args:
-            until: end of the turn, by `perf_counter` [s].
-        """
-
     def forget(self) -> None:
         """Ignore all messages from now on, including those held back, because the connection is closing."""
         self.forget_fragments()
         self.unsent.clear()
 
     # Sending
-
-    def send_messages(self, messages: Sequence[bytes]) -> int:
-        """Give messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
-
-        With compression, only so many are sent as take little time: see `unsent`.
-
-        Returns:
-            Number of bytes given to the transport.
-        """
-        if not self.core.extensions:
-            return self._send_plain(messages)
-        self.unsent += messages
-        return self.send_more()
-
-    def _send_plain(self, messages: Sequence[bytes]) -> int:
-        """Send messages without compression; see `send_messages`."""
-        raise NotImplementedError
 
     def send_more(self) -> int:
         """Compress a slice of `unsent`, and give it to the transport. The connection must be open.

@@ -127,8 +127,18 @@ class DirectConnection(ReceivingConnection):
         self._is_dropping = True
         self._check = None
 
-    def _send_plain(self, messages: Sequence[bytes]) -> int:
-        """Send frames whose heads are made here, in one write."""
+    def send_messages(self, messages: Sequence[bytes]) -> int:
+        """Give messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
+
+        All go in one write, with heads of frames that are made here. With compression, only so many are sent as take
+        little time: see `unsent`.
+
+        Returns:
+            Number of bytes given to the transport.
+        """
+        if self.core.extensions:
+            self.unsent += messages
+            return self.send_more()
         parts: list[bytes] = []
         for message in messages:
             parts += (head_of(message), message)

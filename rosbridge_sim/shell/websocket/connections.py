@@ -10,8 +10,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from rosbridge_sim.loose_types import LibraryArgument
-from rosbridge_sim.shell.transport.library_connection import LibraryConnection
-from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY, ReceivingConnection
+from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY
 from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
@@ -20,8 +19,6 @@ from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
 __all__ = [
     "CROWDED",
     "ConnectionTables",
-    "DirectServedConnection",
-    "LibraryServedConnection",
     "ServedConnection",
     "address_of",
     "make_connection",
@@ -53,7 +50,7 @@ class ConnectionTables:
     """
 
     def __init__(
-        self, max_strangers: int, open_timeout: float, take: Callable[[DirectServedConnection, bytes], bool]
+        self, max_strangers: int, open_timeout: float, take: Callable[[ServedConnection, bytes], bool]
     ) -> None:
         """Create empty tables.
 
@@ -74,7 +71,7 @@ class ConnectionTables:
     def close_those_without_task(self) -> None:
         """Close connections that the library's server does not know, because the server stops."""
         for socket in list(self.sockets):
-            if isinstance(socket, DirectServedConnection) and not socket.has_task:
+            if not socket.has_task:
                 if socket.is_opening:  # it has not sent a request
                     socket.transport.abort()
                 else:
@@ -86,22 +83,27 @@ class ConnectionTables:
             await asyncio.wait(self._closing)
 
 
-class ServedConnection(ReceivingConnection):
-    """A connection that is in the tables while it is open. It comes first in the bases, before the class that reads.
+class ServedConnection(DirectConnection):
+    """A connection that is in the tables while it is open.
+
+    The library's task, which waits for a request and serves the connection, only begins with a request that is left to
+    the library. So a client that asks in the usual words costs no task.
 
     Attributes:
         on_lost: called when the connection is over.
+        has_task: the library's task has begun.
     """
 
     def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._tables = tables
         self.on_lost: Callable[[], None] = _ignore
+        self.has_task = False
         self._open_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take a place among the connections without a request."""
-        self._begin(transport)
+        self.begin_without_task(transport)
         self._tables.sockets[self] = None
         self._tables.opening.take(self)
         self._start_open_timer()
@@ -129,9 +131,6 @@ class ServedConnection(ReceivingConnection):
             self._open_timer.cancel()
             self._open_timer = None
 
-    def _begin(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-
     def connection_lost(self, exc: Exception | None) -> None:
         """Leave all places.
 
@@ -148,36 +147,6 @@ class ServedConnection(ReceivingConnection):
         on_lost, self.on_lost = self.on_lost, _ignore
         on_lost()
 
-    def evict(self) -> None:
-        """Close the connection without waiting for the other side, because its place is needed."""
-        _log.info("%s cut off: %s", address_of(self), CROWDED if self.request is not None else _SILENT)
-        self.forget()
-        if self.is_open:
-            self.core.fail(CloseCode.TRY_AGAIN_LATER, CROWDED)
-            self.flush()
-        if self.num_bytes_unsent:
-            self.transport.abort()
-        else:
-            self.transport.close()
-
-
-class DirectServedConnection(ServedConnection, DirectConnection):
-    """A connection of the server that reads frames with this package's own code.
-
-    The library's task, which waits for a request and serves the connection, only begins with a request that is left to
-    the library. So a client that asks in the usual words costs no task.
-
-    Attributes:
-        has_task: the library's task has begun.
-    """
-
-    def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
-        super().__init__(tables, *args, **kwargs)
-        self.has_task = False
-
-    def _begin(self, transport: asyncio.BaseTransport) -> None:
-        self.begin_without_task(transport)
-
     def answer(self, head: bytes, num_behind: int) -> bool:
         """Let the server answer; see `ReceivingConnection.answer`.
 
@@ -191,7 +160,7 @@ class DirectServedConnection(ServedConnection, DirectConnection):
         """Begin the library's task, with which a server that stops waits for the rest of the request."""
         if not self.has_task:
             self.has_task = True
-            super()._begin(self.transport)
+            super().connection_made(self.transport)
 
     def feed_head(self, head: bytes) -> None:
         """Give a whole request to the library, whose task answers it."""
@@ -204,13 +173,20 @@ class DirectServedConnection(ServedConnection, DirectConnection):
         self.transport.write(answer)
         self.open_without_task()
 
-
-class LibraryServedConnection(ServedConnection, LibraryConnection):
-    """A connection of the server that reads frames with the library's code."""
+    def evict(self) -> None:
+        """Close the connection without waiting for the other side, because its place is needed."""
+        _log.info("%s cut off: %s", address_of(self), CROWDED if self.request is not None else _SILENT)
+        self.forget()
+        if self.is_open:
+            self.core.fail(CloseCode.TRY_AGAIN_LATER, CROWDED)
+            self.flush()
+        if self.num_bytes_unsent:
+            self.transport.abort()
+        else:
+            self.transport.close()
 
 
 def make_connection(
-    kind: type[ServedConnection],
     tables: ConnectionTables,
     rules: TlsRules | None,
     *args: LibraryArgument,
@@ -219,13 +195,12 @@ def make_connection(
     """Create the protocol object of an accepted connection.
 
     Args:
-        kind: class of the connection.
         tables: the tables of the server.
         rules: rules for TLS; None for an unencrypted connection.
         args: the library's arguments.
         kwargs: the library's arguments.
     """
-    socket = kind(tables, *args, **kwargs)
+    socket = ServedConnection(tables, *args, **kwargs)
     return socket if rules is None else TlsHandshake(socket, rules, tables.opening, tables.handshakes)
 
 

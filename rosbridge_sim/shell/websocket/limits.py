@@ -35,7 +35,6 @@ class ServerLimits(Record):
         max_frame_size: a longer frame closes the connection with code 1009 [bytes].
         ping_interval, ping_timeout: check for half-open connections [s]; None turns it off.
         is_compressing: accept permessage-deflate from clients that offer it.
-        is_direct: read frames with this package's own code, not with the library's.
         is_talkative: send status frames.
         outbox: limits on frames that a client leaves unread.
         client_memory: memory of one client on the server, without its outbox [bytes].
@@ -50,7 +49,6 @@ class ServerLimits(Record):
     ping_interval: float | None = 20.0
     ping_timeout: float | None = 20.0
     is_compressing: bool = False
-    is_direct: bool = True
     is_talkative: bool = True
     client_memory: int = 256 * 2**20
     memory_budget: int | None = None

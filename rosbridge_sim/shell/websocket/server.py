@@ -39,7 +39,6 @@ from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.transport.inflate import (
     LateDeflateFactory,
-    library_deflate,
 )
 from rosbridge_sim.shell.transport.upgrade_request import answer_to, read_upgrade
 from rosbridge_sim.shell.websocket.access import HandshakeRefusal, is_from_autobahn
@@ -47,8 +46,6 @@ from rosbridge_sim.shell.websocket.byte_totals import ByteTotals
 from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.connections import (
     ConnectionTables,
-    DirectServedConnection,
-    LibraryServedConnection,
     ServedConnection,
     address_of,
     make_connection,
@@ -192,14 +189,13 @@ class Server:
             memory.look(num_bytes_held, loop.time())
 
         self._budget = MemoryBudget(loop, self._bus, self._holders, limits.memory_budget, look)
-        kind = DirectServedConnection if limits.is_direct else LibraryServedConnection
         rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
             self._serve,
             host,
             port,
             open_timeout=None,  # it would cut off a complete request, too; see `ServedConnection` and `_answer_in_time`
-            create_connection=partial(make_connection, kind, self._tables, rules),  # type: ignore[arg-type] # it is only called
+            create_connection=partial(make_connection, self._tables, rules),  # type: ignore[arg-type] # it is only called
             process_request=self._process_request,
             compression=None,
             extensions=_extensions(limits),
@@ -313,7 +309,7 @@ class Server:
         finally:
             self._remove_client(client)
 
-    def _take_request(self, socket: DirectServedConnection, head: bytes) -> bool:
+    def _take_request(self, socket: ServedConnection, head: bytes) -> bool:
         """Open and serve a connection without a task, if its request is an ordinary one and has nothing against it.
 
         Returns:
@@ -622,4 +618,4 @@ def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
     """Return the extensions that the server accepts."""
     if not limits.is_compressing:
         return None
-    return [LateDeflateFactory() if limits.is_direct else library_deflate()]
+    return [LateDeflateFactory()]

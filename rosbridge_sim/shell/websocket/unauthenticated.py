@@ -18,7 +18,7 @@ from typing import Any
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
 from rosbridge_sim.shell.transport.inflate import Deflated
-from rosbridge_sim.shell.transport.receiving_connection import ReceivingConnection
+from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.access import Access, is_from_autobahn
 from rosbridge_sim.shell.websocket.turns import Turns
 
@@ -64,7 +64,7 @@ class UnauthenticatedConnection:
 
     def __init__(
         self,
-        socket: ReceivingConnection,
+        socket: DirectConnection,
         access: Access,
         turns: Turns,
         *,

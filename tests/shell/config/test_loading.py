@@ -113,7 +113,6 @@ OTHER: dict[str, object] = {
     "ping_interval": None,
     "ping_timeout": 1.0,
     "compression": True,
-    "websocket_io": "library",
     "status": False,
     "record": "/bags/drive.bag",
     "record_topics": ("/clock", "/Ego*"),

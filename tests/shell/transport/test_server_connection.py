@@ -23,7 +23,7 @@ from rosbridge_sim.link import websocket_internals
 from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.transport import server_connection
-from rosbridge_sim.shell.transport.receiving_connection import COMPRESSED_AT_ONCE, Receiver, ReceivingConnection
+from rosbridge_sim.shell.transport.receiving_connection import COMPRESSED_AT_ONCE, Receiver
 from rosbridge_sim.shell.transport.server_connection import MAX_HELD, DirectConnection
 from tests.support import PATIENCE
 
@@ -41,7 +41,7 @@ def frame(opcode: Opcode, data: bytes, *, fin: bool = True) -> bytes:
 class PausingReceiver:
     """Takes messages of one connection, a few in each turn, and now and then wants a pause behind one."""
 
-    def __init__(self, socket: ReceivingConnection, heard: list[bytes], num_a_turn: int) -> None:
+    def __init__(self, socket: DirectConnection, heard: list[bytes], num_a_turn: int) -> None:
         self._socket = socket
         self._heard = heard
         self._num_a_turn = num_a_turn
@@ -479,7 +479,7 @@ async def test_newest_ping_is_answered_when_there_is_room(num_pings: int) -> Non
 class HoldingReceiver(PausingReceiver):
     """Accepts one message, and the next one when `go_on` is called; each turn has a given end."""
 
-    def __init__(self, socket: ReceivingConnection, heard: list[bytes], until: float) -> None:
+    def __init__(self, socket: DirectConnection, heard: list[bytes], until: float) -> None:
         super().__init__(socket, heard, 1)
         self.until = until
         self.num_waits = 0

@@ -167,12 +167,11 @@ UNREADABLE = [
 ]
 
 
-@pytest.mark.parametrize("is_direct", [True, False], ids=["direct", "library"])
 @pytest.mark.parametrize(("request_", "status", "text"), UNREADABLE)
 async def test_request_that_cannot_be_read_is_answered(
-    listen: Listen, request_: bytes, status: int, text: bytes, *, is_direct: bool
+    listen: Listen, request_: bytes, status: int, text: bytes
 ) -> None:
-    server = await listen(is_direct=is_direct, open_timeout=FOR_EVER)
+    server = await listen(open_timeout=FOR_EVER)
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(request_)
     head, _, body = (await rest_of(reader)).partition(b"\r\n\r\n")
@@ -243,11 +242,10 @@ async def test_machine_that_slept_still_reads_the_request_that_waits(
         writer.close()
 
 
-@pytest.mark.parametrize("is_direct", [True, False], ids=["direct", "library"])
 async def test_complete_request_outlives_the_time_for_the_request(
-    listen: Listen, *, is_direct: bool, caplog: pytest.LogCaptureFixture
+    listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
-    server = await listen(is_direct=is_direct, open_timeout=0.02)
+    server = await listen(open_timeout=0.02)
     may_answer = asyncio.Event()
 
     async def render(_accepted: str) -> tuple[bytes, str]:
@@ -267,11 +265,10 @@ async def test_complete_request_outlives_the_time_for_the_request(
     silent_writer.close()
 
 
-@pytest.mark.parametrize("is_direct", [True, False], ids=["direct", "library"])
 async def test_answer_that_takes_too_long_is_503_and_a_log_line(
-    listen: Listen, *, is_direct: bool, caplog: pytest.LogCaptureFixture
+    listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
-    server = await listen(is_direct=is_direct, answer_timeout=0.02)
+    server = await listen(answer_timeout=0.02)
 
     async def render(_accepted: str) -> tuple[bytes, str]:
         await asyncio.get_running_loop().create_future()
