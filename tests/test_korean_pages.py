@@ -12,13 +12,13 @@ import pytest
 from tests.support import ROOT
 
 PAGES = {
-    "README.ko.md": ("README.md", "1bd8a3ff4e54"),
+    "README.ko.md": ("README.md", "bf4df16373e5"),
     "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
     "docs/ko/page.md": ("docs/guides/page.md", "2472eb978aa4"),
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
     "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b980737d1a0f"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),
-    "docs/ko/sensors.md": ("docs/reference/sensors.md", "beb1c9102186"),
+    "docs/ko/sensors.md": ("docs/reference/sensors.md", "bacbf5debb9a"),
     "docs/ko/teaching.md": ("docs/guides/teaching.md", "428edd7fa52c"),
     "docs/ko/when_nothing_moves.md": ("docs/guides/when_nothing_moves.md", "8efa5cf6737d"),
 }
@@ -30,7 +30,7 @@ ENGLISH = {korean: english for korean, (english, _) in PAGES.items()} | {GLOSSAR
 
 MARK = re.compile(r"^<!-- run: \S+ -->\n", re.MULTILINE)
 
-CODE = re.compile(r"^```[\s\S]*?^```$|(?<=\n\n) {4}\S.*(?:\n {4}.*|\n(?=\n {4}))*", re.MULTILINE)
+CODE = re.compile(r"^ *```[\s\S]*?^ *```$|(?<=\n\n) {4}\S.*(?:\n {4}.*|\n(?=\n {4}))*", re.MULTILINE)
 
 SPAN = re.compile(r"`([^`]+)`")
 
