@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rosbridge_sim.cli.bridge_flags import COUNT, SECONDS, add_bridge, with_bridge
+from rosbridge_sim.cli.bridge_flags import COUNT, SECONDS, add_bridge, add_without_effect, with_bridge
 from rosbridge_sim.cli.command_line import (
     Options,
     add_definitions,
@@ -82,6 +82,7 @@ def _add_play(parser: Parser) -> None:
     parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics [all]")
     text = "publish under other names"
     parser.add_argument("-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW", help=text)
+    add_without_effect(parser, {"--clock": ("?", "/clock of the bag is played if the server has none of its own")})
     add_bridge(parser)
     add_definitions(parser)
 
@@ -99,7 +100,13 @@ def _play(options: Options) -> int:
     return with_bridge(
         options,
         lambda bridge: play(
-            bridge, options.file, selection, definition_sources_of(options), rate=options.rate, is_looping=options.loop
+            bridge,
+            options.file,
+            selection,
+            definition_sources_of(options),
+            rate=options.rate,
+            is_looping=options.loop,
+            is_json=options.json,
         ),
     )
 
@@ -122,10 +129,12 @@ def _add_record(parser: Parser, first: str) -> None:
     """
     text = "NAME.bag is ROS 1, NAME.mcap ROS 2, else a folder of ROS 2"
     is_bag = first == "TOPIC"
-    parser.add_argument("words", metavar="TOPIC" if is_bag else "FILE TOPIC", nargs="*", help=f"{text}; topics [all]")
+    what = "topics to record, or patterns [all]" if is_bag else f"{text}; then topics to record, or patterns [all]"
+    parser.add_argument("words", metavar="TOPIC" if is_bag else "FILE TOPIC", nargs="*", help=what)
     default = "the time of day, as rosbag and ros2 bag do" if is_bag else "the first word"
     parser.add_argument("-o", "-O", "--output", "--output-name", metavar="FILE", help=f"{text} [{default}]")
     parser.add_argument("-a", "--all", action="store_true", help="all topics, which is the default")
+    parser.add_argument("-s", "--storage", choices=("mcap",), help="the only format of ROS 2 that is written")
     parser.add_argument(
         "-t",
         "--topics",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Awaitable, Sequence
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.bridge_flags import (
@@ -16,14 +16,14 @@ from rosbridge_sim.cli.bridge_flags import (
     add_bridge,
     add_count,
     add_server,
-    on_bridge,
+    add_types,
+    bridge_group,
     take_type,
     with_bridge,
 )
 from rosbridge_sim.cli.command_line import (
     Options,
     command_of,
-    group_of,
     make_number,
     run_command,
 )
@@ -47,48 +47,39 @@ def run_topic(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim topic`."""
     from rosbridge_sim.cli.tools import topic  # noqa: PLC0415 - not before the command is known; the same below
 
-    group, add = group_of("topic", "Topics of a rosbridge: list, show, measure and publish.")
+    group, add, row = bridge_group("topic", "Topics of a rosbridge: list, show, measure and publish.")
 
-    parser = add(
-        "list",
-        on_bridge(
-            lambda bridge, o: topic.list_topics(
-                bridge, o.namespace, is_verbose=o.verbose, has_types=o.types, is_count=o.is_count, is_json=o.json
-            )
-        ),
-        "list all topics",
-    )
+    def list_topics(bridge: Bridge, o: Options) -> Awaitable[int]:
+        return topic.list_topics(
+            bridge, o.namespace, is_verbose=o.verbose, has_types=o.types, is_count=o.is_count, is_json=o.json
+        )
+
+    parser = row("list", list_topics, "list all topics")
     parser.add_argument("namespace", metavar="NAMESPACE", nargs="?", default="", help="only topics in it")
     parser.add_argument("-v", "--verbose", action="store_true", help="with types, publishers and subscribers")
-    _add_types(parser)
-    add_count(parser, "--count-topics")
-    add_bridge(parser)
+    add_types(parser)
+    add_count(parser, "topics")
 
-    parser = add(
+    parser = row(
         "info",
-        on_bridge(lambda bridge, o: topic.show_topic(bridge, o.name, is_verbose=o.verbose, is_json=o.json)),
+        lambda bridge, o: topic.show_topic(bridge, o.name, is_verbose=o.verbose, is_json=o.json),
         "show type, publishers and subscribers of a topic",
+        "NAME",
     )
-    parser.add_argument("name", metavar="NAME")
     parser.add_argument("-v", "--verbose", action="store_true", help="each node as ros2 topic info -v shows it")
-    add_bridge(parser)
-
-    parser = add(
+    row(
         "type",
-        on_bridge(lambda bridge, o: topic.show_topic_type(bridge, o.name, is_json=o.json)),
+        lambda bridge, o: topic.show_topic_type(bridge, o.name, is_json=o.json),
         "print the type of a topic",
+        "NAME",
     )
-    parser.add_argument("name", metavar="NAME")
-    add_bridge(parser)
-
-    parser = add(
+    parser = row(
         "find",
-        on_bridge(lambda bridge, o: topic.find_topics(bridge, o.type, is_count=o.is_count, is_json=o.json)),
-        "list the topics of a type",
+        lambda bridge, o: topic.find_topics(bridge, o.type, is_count=o.is_count, is_json=o.json),
+        "list the topics of a type: pkg/Type or pkg/msg/Type",
+        "TYPE",
     )
-    parser.add_argument("type", metavar="TYPE", help="pkg/Type or pkg/msg/Type")
-    add_count(parser, "--count-topics")
-    add_bridge(parser)
+    add_count(parser, "topics")
 
     parser = add("echo", _echo, "print messages as they come")
     parser.add_argument(
@@ -153,10 +144,6 @@ def _add_pub(parser: Parser) -> None:
     )
     add_bridge(parser)
     parser.set_defaults(end=0)
-
-
-def _add_types(parser: Parser) -> None:
-    parser.add_argument("-t", "--types", "--show-types", action="store_true", help="with types, in brackets")
 
 
 def _add_type(parser: Parser) -> None:
@@ -232,48 +219,39 @@ def run_service(argv: Sequence[str]) -> int:
         "uri": "a service behind a rosbridge has no address of its own; rosbridge-sim service node shows its node",
         "echo": "a rosbridge does not tell the calls of other clients",
     }
-    group, add = group_of("service", "Services of a rosbridge: list, show and call.", absent)
+    group, add, row = bridge_group("service", "Services of a rosbridge: list, show and call.", absent)
 
-    parser = add(
-        "list",
-        on_bridge(
-            lambda bridge, o: service.list_services(
-                bridge, is_verbose=o.verbose, has_types=o.types, is_count=o.is_count, is_json=o.json
-            )
-        ),
-        "list all services",
-    )
-    parser.add_argument("-v", "-n", "--verbose", "--nodes", action="store_true", help="with types and providers")
-    _add_types(parser)
-    add_count(parser, "--count-services")
-    add_bridge(parser)
-
-    parser = add(
-        "info",
-        on_bridge(lambda bridge, o: service.show_service(bridge, o.name, is_json=o.json)),
-        "show type, provider, request and response of a service",
-    )
-    parser.add_argument("name", metavar="NAME")
-    parser.add_argument("-v", "--verbose", action="store_true", help="the same")
-    add_bridge(parser)
-
-    for name in ("type", "node"):
-        parser = add(
-            name,
-            on_bridge(lambda bridge, o: service.show_service_word(bridge, o.name, o.command, is_json=o.json)),
-            f"print the {name} of a service",
+    def list_services(bridge: Bridge, o: Options) -> Awaitable[int]:
+        return service.list_services(
+            bridge, is_verbose=o.verbose, has_types=o.types, is_count=o.is_count, is_json=o.json
         )
-        parser.add_argument("name", metavar="NAME")
-        add_bridge(parser)
 
-    parser = add(
-        "find",
-        on_bridge(lambda bridge, o: service.find_services(bridge, o.type, is_count=o.is_count, is_json=o.json)),
-        "list the services of a type",
+    parser = row("list", list_services, "list all services")
+    parser.add_argument("-v", "-n", "--verbose", "--nodes", action="store_true", help="with types and providers")
+    add_types(parser)
+    add_count(parser, "services")
+
+    parser = row(
+        "info",
+        lambda bridge, o: service.show_service(bridge, o.name, is_json=o.json),
+        "show type, provider, request and response of a service",
+        "NAME",
     )
-    parser.add_argument("type", metavar="TYPE", help="pkg/Type or pkg/srv/Type")
-    add_count(parser, "--count-services")
-    add_bridge(parser)
+    parser.add_argument("-v", "--verbose", action="store_true", help="the same")
+    for name in ("type", "node"):
+        row(
+            name,
+            lambda bridge, o: service.show_service_word(bridge, o.name, o.command, is_json=o.json),
+            f"print the {name} of a service",
+            "NAME",
+        )
+    parser = row(
+        "find",
+        lambda bridge, o: service.find_services(bridge, o.type, is_count=o.is_count, is_json=o.json),
+        "list the services of a type: pkg/Type or pkg/srv/Type",
+        "TYPE",
+    )
+    add_count(parser, "services")
 
     parser = add("call", _call, "call a service and print its answer")
     parser.add_argument("name", metavar="NAME")

@@ -6,10 +6,10 @@ import argparse
 import asyncio
 import os
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from typing import TYPE_CHECKING
 
-from rosbridge_sim.cli.command_line import Options, add_json, make_number
+from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number
 from rosbridge_sim.cli.tools.text import note
 from rosbridge_sim.link.arguments import PREFIX, Parser
 from rosbridge_sim.link.urls import shown_url
@@ -25,7 +25,9 @@ __all__ = [
     "add_bridge",
     "add_count",
     "add_server",
-    "on_bridge",
+    "add_types",
+    "add_without_effect",
+    "bridge_group",
     "take_type",
     "with_bridge",
 ]
@@ -49,7 +51,8 @@ COUNT = make_number(1, 1e9, "a number from 1 on", int)
 _QOS = "the rosbridge chooses the quality of service, and its clients get all messages in order over TCP"
 _HIDDEN = "rosapi lists no hidden names"
 
-_WITHOUT_EFFECT = {
+_WITHOUT_EFFECT: dict[str, tuple[int | str | None, str]] = {
+    "--node-name": (None, "the node of a client is the rosbridge"),
     "--no-daemon": (0, "there is no daemon: each command asks the rosbridge"),
     "--spin-time": (None, "nothing is discovered: --timeout is the longest wait for an answer"),
     "--use-sim-time": (0, "only `topic delay` needs a clock, and it takes /clock if that is there"),
@@ -81,13 +84,28 @@ def with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> i
     return asyncio.run(main())
 
 
-def on_bridge(work: Callable[[Bridge, Options], Awaitable[int]]) -> Callable[[Options], int]:
-    """Return the function that runs a command.
+def bridge_group(
+    name: str, text: str, absent: Mapping[str, str] | None = None
+) -> tuple[Parser, Callable[..., Parser], Callable[..., Parser]]:
+    """Return the parser of `rosbridge-sim NAME` and two functions that add a command to it.
+
+    The first is that of `group_of`. The second, `row(command, work, text, *words)`, adds a command that talks to a
+    server: `work` gets the connection and the flags, and `words` are its arguments.
 
     Args:
-        work: gets the connection and the flags, and returns the exit code.
+        text: description for the help.
+        absent: see `Parser`.
     """
-    return lambda options: with_bridge(options, lambda bridge: work(bridge, options))
+    group, add = group_of(name, text, absent)
+
+    def row(command: str, work: Callable[[Bridge, Options], Awaitable[int]], text: str, *words: str) -> Parser:
+        parser = add(command, lambda options: with_bridge(options, lambda bridge: work(bridge, options)), text)
+        for word in words:
+            parser.add_argument(word.lower(), metavar=word)
+        add_bridge(parser)
+        return parser
+
+    return group, add, row
 
 
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:srv|action)/)?[A-Za-z]\w*")
@@ -106,9 +124,27 @@ class _WithoutEffect(argparse.Action):
         note(f"{flag} has no effect: {self.const}")
 
 
-def add_count(parser: Parser, *flags: str) -> None:
-    """Add the flags of a list: its number of entries in place of them, and its types."""
-    parser.add_argument("-c", "--count", *flags, dest="is_count", action="store_true", help="print how many there are")
+def add_count(parser: Parser, things: str) -> None:
+    """Add the flag that prints a number in place of a list."""
+    text = f"print the number of {things}"
+    parser.add_argument("-c", "--count", f"--count-{things}", dest="is_count", action="store_true", help=text)
+
+
+def add_types(parser: Parser) -> None:
+    """Add the flag that prints types behind names."""
+    parser.add_argument("-t", "--types", "--show-types", action="store_true", help="with types, in brackets")
+
+
+def add_without_effect(parser: Parser, flags: Mapping[str, tuple[int | str | None, str]]) -> None:
+    """Accept flags of the tools of ROS that have no effect.
+
+    Args:
+        flags: name -> its number of values, as argparse takes it, and why it has no effect.
+    """
+    for flag, (number, why) in flags.items():
+        parser.add_argument(
+            flag, action=_WithoutEffect, nargs=number, const=why, dest=argparse.SUPPRESS, help=argparse.SUPPRESS
+        )
 
 
 def add_bridge(
@@ -123,10 +159,7 @@ def add_bridge(
     """
     add_json(parser)
     add_server(parser)
-    for flag, (number, why) in _WITHOUT_EFFECT.items():
-        parser.add_argument(
-            flag, action=_WithoutEffect, nargs=number, const=why, dest=argparse.SUPPRESS, help=argparse.SUPPRESS
-        )
+    add_without_effect(parser, _WITHOUT_EFFECT)
     if is_waiting:
         text = "longest wait for a message, and for an answer; then end with code 1 and the reason"
         parser.add_argument("--timeout", dest="wait", type=SECONDS, metavar="SECONDS", help=f"{text} [for ever]")

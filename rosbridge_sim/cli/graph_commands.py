@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
 
-from rosbridge_sim.cli.bridge_flags import add_bridge, add_count, on_bridge, take_type, with_bridge
-from rosbridge_sim.cli.command_line import Options, group_of, run_command
+from rosbridge_sim.cli.bridge_flags import add_bridge, add_count, add_types, bridge_group, take_type, with_bridge
+from rosbridge_sim.cli.command_line import Options, run_command
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.cli.tools.tool_client import Bridge
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import Parser
 
 __all__ = ["run_action", "run_node", "run_param"]
 
@@ -26,24 +25,21 @@ def run_node(argv: Sequence[str]) -> int:
         "machine": f"{alone} or tell its machine; the topic /sim/clients has the addresses of this server's clients",
     }
     text = "Nodes of a rosbridge, as rosapi lists them: all clients of a rosbridge are one node."
-    group, add = group_of("node", text, absent)
+    group, _, row = bridge_group("node", text, absent)
 
-    parser = add(
+    parser = row(
         "list",
-        on_bridge(lambda bridge, o: node.list_nodes(bridge, is_count=o.is_count, is_json=o.json)),
+        lambda bridge, o: node.list_nodes(bridge, is_count=o.is_count, is_json=o.json),
         "list all nodes",
     )
     parser.add_argument("-a", "--all", action="store_true", help="the same: rosapi lists no hidden nodes")
-    add_count(parser, "--count-nodes")
-    add_bridge(parser)
-
-    parser = add(
+    add_count(parser, "nodes")
+    row(
         "info",
-        on_bridge(lambda bridge, o: node.show_node(bridge, o.name, is_json=o.json)),
+        lambda bridge, o: node.show_node(bridge, o.node, is_json=o.json),
         "show topics and services of a node",
+        "NODE",
     )
-    parser.add_argument("name", metavar="NODE")
-    add_bridge(parser)
     return run_command(group, argv)
 
 
@@ -56,73 +52,56 @@ def run_param(argv: Sequence[str]) -> int:
 
     text = "Parameters of a rosbridge. NAME is /ns/x (ROS 1) or /node:x (ROS 2); a node may stand before it."
     absent = {"load": "a rosbridge reads no files; rosbridge-sim param set sets one value"}
-    group, add = group_of("param", text, absent)
+    group, add, row = bridge_group("param", text, absent)
 
-    parser = add(
+    parser = row(
         "list",
-        on_bridge(lambda bridge, o: param.list_parameters(bridge, o.inner, is_json=o.json)),
+        lambda bridge, o: param.list_parameters(bridge, o.inner, is_json=o.json),
         "list all parameters",
     )
     parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="only those of it")
-    add_bridge(parser)
 
-    parser = add(
-        "get",
-        _with_words(lambda bridge, o: param.get(bridge, o.words, is_bare=o.hide_type, is_json=o.json)),
-        "print a parameter's value",
-    )
-    parser.add_argument("--hide-type", action="store_true", help="print the value alone, also behind a node")
-    _add_words(parser, "[NODE] NAME")
+    def get(bridge: Bridge, o: Options) -> Awaitable[int]:
+        return param.get(bridge, o.words, is_bare=o.hide_type, is_json=o.json)
 
-    parser = add(
-        "set",
-        _with_words(lambda bridge, o: param.set_value(bridge, o.words, o.value, is_json=o.json), has_value=True),
-        "set a parameter to a value, in JSON or YAML",
-    )
-    _add_words(parser, "[NODE] NAME VALUE")
+    def set_value(bridge: Bridge, o: Options) -> Awaitable[int]:
+        return param.set_value(bridge, o.words, o.value, is_json=o.json)
 
-    parser = add(
-        "delete",
-        _with_words(lambda bridge, o: param.delete(bridge, o.words, is_json=o.json)),
-        "delete a parameter, or a namespace of ROS 1",
-    )
-    _add_words(parser, "[NODE] NAME")
+    def delete(bridge: Bridge, o: Options) -> Awaitable[int]:
+        return param.delete(bridge, o.words, is_json=o.json)
 
-    parser = add(
+    for name, work, words, text in (
+        ("get", get, "[NODE] NAME", "print a parameter's value"),
+        ("set", set_value, "[NODE] NAME VALUE", "set a parameter to a value, in JSON or YAML"),
+        ("delete", delete, "[NODE] NAME", "delete a parameter, or a namespace of ROS 1"),
+    ):
+        parser = add(name, _with_words(work, words), text)
+        parser.add_argument("words", metavar=words, nargs="*")
+        if name == "get":
+            parser.add_argument("--hide-type", action="store_true", help="print the value alone, also behind a node")
+        add_bridge(parser)
+
+    parser = row(
         "describe",
-        on_bridge(lambda bridge, o: param.describe(bridge, o.node, o.names, is_json=o.json)),
+        lambda bridge, o: param.describe(bridge, o.node, o.names, is_json=o.json),
         "show type and constraints of a node's parameters (ROS 2)",
+        "NODE",
     )
-    parser.add_argument("node", metavar="NODE")
     parser.add_argument("names", metavar="NAME", nargs="+")
-    add_bridge(parser)
-
-    parser = add(
-        "dump", on_bridge(lambda bridge, o: param.dump(bridge, o.inner, is_json=o.json)), "print all values as YAML"
-    )
+    parser = row("dump", lambda bridge, o: param.dump(bridge, o.inner, is_json=o.json), "print all values as YAML")
     parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="only those of it")
-    add_bridge(parser)
     return run_command(group, argv)
 
 
-def _add_words(parser: Parser, names: str) -> None:
-    parser.add_argument("words", metavar=names, nargs="*")
-    add_bridge(parser)
-
-
-def _with_words(
-    work: Callable[[Bridge, Options], Awaitable[int]], *, has_value: bool = False
-) -> Callable[[Options], int]:
-    """Return the function that runs a command whose words are a name, or a node and a name, and perhaps a value."""
+def _with_words(work: Callable[[Bridge, Options], Awaitable[int]], words: str) -> Callable[[Options], int]:
+    """Return the function that runs a command with these words: a name, or a node and a name, and perhaps a value."""
 
     def run(options: Options) -> int:
-        if not 1 <= len(options.words) - has_value <= 2:  # noqa: PLR2004 - see above
+        number, most = len(options.words), len(words.split())
+        if not most - 1 <= number <= most:
             name = f"param {options.command}"
-            what = "[NODE] NAME VALUE" if has_value else "[NODE] NAME"
-            raise SettingError(
-                f"{name}: expected {what}; got {len(options.words)} words; see rosbridge-sim {name} --help"
-            )
-        options.value = read_body(options.words.pop(), "VALUE") if has_value else None
+            raise SettingError(f"{name}: expected {words}; got {number} words; see rosbridge-sim {name} --help")
+        options.value = read_body(options.words.pop(), "VALUE") if words.endswith("VALUE") else None
         return with_bridge(options, lambda bridge: work(bridge, options))
 
     return run
@@ -135,35 +114,28 @@ def run_action(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim action`."""
     from rosbridge_sim.cli.tools import action  # noqa: PLC0415
 
-    group, add = group_of("action", "Actions of a rosbridge: list, show, and send goals.")
+    group, add, row = bridge_group("action", "Actions of a rosbridge: list, show, and send goals.")
 
-    parser = add(
+    parser = row(
         "list",
-        on_bridge(
-            lambda bridge, o: action.list_actions(bridge, has_types=o.types, is_count=o.is_count, is_json=o.json)
-        ),
+        lambda bridge, o: action.list_actions(bridge, has_types=o.types, is_count=o.is_count, is_json=o.json),
         "list all actions",
     )
-    parser.add_argument("-t", "--types", "--show-types", action="store_true", help="with types, in brackets")
-    add_count(parser, "--count-actions")
-    add_bridge(parser)
-
-    parser = add(
+    add_types(parser)
+    add_count(parser, "actions")
+    parser = row(
         "info",
-        on_bridge(lambda bridge, o: action.show_action(bridge, o.name, has_types=o.types, is_json=o.json)),
-        "show the nodes of an action; clients only as far as rosapi tells them, which is in ROS 1",
+        lambda bridge, o: action.show_action(bridge, o.name, has_types=o.types, is_json=o.json),
+        "show the nodes of an action",
+        "NAME",
     )
-    parser.add_argument("name", metavar="NAME")
-    parser.add_argument("-t", "--types", "--show-types", action="store_true", help="with types, in brackets")
-    add_bridge(parser)
-
-    parser = add(
+    add_types(parser)
+    row(
         "type",
-        on_bridge(lambda bridge, o: action.show_action_type(bridge, o.name, is_json=o.json)),
+        lambda bridge, o: action.show_action_type(bridge, o.name, is_json=o.json),
         "print the type of an action",
+        "NAME",
     )
-    parser.add_argument("name", metavar="NAME")
-    add_bridge(parser)
 
     parser = add("send_goal", _send_goal, "send a goal, and wait for its result; Ctrl-C cancels it")
     parser.add_argument("name", metavar="NAME")

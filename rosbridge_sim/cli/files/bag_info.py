@@ -13,7 +13,7 @@ __all__ = ["show_bag"]
 
 
 def show_bag(name: str, *, is_json: bool) -> int:
-    """Print duration, size and topics of a bag, in the form of `rosbag info` or `ros2 bag info`.
+    """Print duration, size and topics of a bag, in the form of `ros2 bag info`.
 
     Raises:
         DocumentError: it is not a bag, or has no index.
@@ -43,25 +43,19 @@ def show_bag(name: str, *, is_json: bool) -> int:
         )
         return 0
     rows = {
-        ("path", "Files"): ", ".join(file.name for file in files if file.suffix != ".yaml"),
-        ("size", "Bag size"): f"{size / 1e3:,.1f} kB",
-        ("duration", "Duration"): f"{(end - start) / 1e9:.3f} s",
-        ("start", "Start"): _moment(start),
-        ("end", "End"): _moment(end),
-        ("messages", "Messages"): str(num_messages),
+        "Files": ", ".join(file.name for file in files if file.suffix != ".yaml"),
+        "Bag size": f"{size / 1e3:,.1f} kB",
+        "Duration": f"{(end - start) / 1e9:.3f} s",
+        "Start": _moment(start),
+        "End": _moment(end),
+        "Messages": str(num_messages),
     }
-    for titles, text in rows.items():
-        put(f"{f'{titles[0]}:':13}{safe(text)}" if is_ros1 else f"{f'{titles[1]}:':19}{safe(text)}")
-    title = "topics:      " if is_ros1 else "Topic information: "
-    width = max((len(topic) for topic, _ in counts), default=0)
-    for i, ((topic, kind), count) in enumerate(topics):
-        ros1 = f"{topic:{width}}   {count:6} msgs    : {kind}"
-        put(
-            safe(
-                (title if not i else " " * len(title))
-                + (ros1 if is_ros1 else f"Topic: {topic} | Type: {kind} | Count: {count}")
-            )
-        )
+    for title, text in rows.items():
+        put(f"{f'{title}:':19}{safe(text)}")
+    title = "Topic information: "
+    for (topic, kind), count in topics:
+        put(f"{title:19}Topic: {safe(topic)} | Type: {safe(kind)} | Count: {count}")
+        title = ""
     return 0
 
 

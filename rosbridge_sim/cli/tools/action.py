@@ -70,28 +70,31 @@ async def show_action_type(bridge: Bridge, name: str, *, is_json: bool) -> int:
 
 
 async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bool) -> int:
-    """Print the nodes of an action; rosapi tells its clients only if it has the topics of ROS 1."""
+    """Print the nodes of an action: clients that use its topics, and servers."""
     action = absolute(name)
     kind = await _type_of(bridge, action)
-    service, goal, status = await bridge.ask_all(
+    answers = await bridge.ask_all(
         [
-            ("service_node", {"service": f"{action}/_action/cancel_goal"}),
-            ("publishers", {"topic": f"{action}/goal"}),
+            ("publishers", {"topic": f"{action}/goal"}),  # of ROS 1, as the last one
+            ("subscribers", {"topic": f"{action}/_action/feedback"}),
+            ("publishers", {"topic": f"{action}/_action/feedback"}),
             ("publishers", {"topic": f"{action}/status"}),
         ]
     )
-    clients, publishers = (
-        words(one.values, "publishers") if isinstance(one.values, dict) else [] for one in (goal, status)
-    )
-    node = str(service.values.get("node") or "") if isinstance(service.values, dict) else ""
-    servers = [node] if node else publishers
+    nodes = [
+        {name for key in ("publishers", "subscribers") for name in words(one.values, key)}
+        if isinstance(one.values, dict)
+        else set()
+        for one in answers
+    ]
+    clients, servers = sorted(nodes[0] | nodes[1]), sorted(nodes[2] | nodes[3])
     if is_json:
         put_json({"action": action, "type": kind, "clients": clients, "servers": servers})
         return 0
     put(f"Action: {safe(action)}")
-    for title, nodes in (("clients", clients), ("servers", servers)):
-        put(f"Action {title}: {len(nodes) or 'unknown'}")
-        for one in nodes:
+    for title, found in (("clients", clients), ("servers", servers)):
+        put(f"Action {title}: {len(found)}")
+        for one in found:
             put(safe(f"    {one} [{kind}]" if has_types else f"    {one}"))
     return 0
 

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.tools.schema import DefinitionSources, read_texts
-from rosbridge_sim.cli.tools.text import note
+from rosbridge_sim.cli.tools.text import note, put_json
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute
 from rosbridge_sim.cli.tools.topic import is_ros2
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.schema.plain_values import plain_message
-from rosbridge_sim.shell.bags.bag_reader import BagTypes, open_reader
+from rosbridge_sim.shell.bags.bag_reader import BagTypes, open_reader, read_messages
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -40,7 +40,14 @@ class Selection:
 
 
 async def play(
-    bridge: Bridge, name: str, selection: Selection, choice: DefinitionSources, *, rate: float, is_looping: bool
+    bridge: Bridge,
+    name: str,
+    selection: Selection,
+    choice: DefinitionSources,
+    *,
+    rate: float,
+    is_looping: bool,
+    is_json: bool,
 ) -> int:
     """Publish the messages of a bag.
 
@@ -49,6 +56,7 @@ async def play(
         choice: definitions for a bag without its own.
         rate: factor of the speed.
         is_looping: begin again at the end.
+        is_json: print the result as JSON on stdout, not as a line for people.
 
     Raises:
         DocumentError: the bag cannot be read.
@@ -64,19 +72,17 @@ async def play(
         note(f"playing {len(player.decoders)} topics of {name}; Ctrl-C ends it")
         while True:
             begin = bridge.now() - selection.start / rate
-            try:
-                for connection, stamp_ns, raw in bag.messages(connections=chosen):
-                    at = (stamp_ns - bag.start_time) / 1e9
-                    if selection.start <= at <= selection.end:
-                        await player.publish(connection, bytes(raw), begin + at / rate)
-            except (OSError, RefusedError, DocumentError):
-                raise
-            except Exception as error:  # noqa: BLE001 - a library reads foreign bytes
-                raise DocumentError(f"{name}: is broken: {error}") from None
+            for connection, stamp_ns, raw in read_messages(bag, chosen, path):
+                at = (stamp_ns - bag.start_time) / 1e9
+                if selection.start <= at <= selection.end:
+                    await player.publish(connection, raw, begin + at / rate)
             if not is_looping or not player.num_sent:
                 break
     await player.settle()
-    note(f"published {player.num_sent:,} messages of {name}")
+    if is_json:
+        put_json({"file": name, "messages": player.num_sent})
+    else:
+        note(f"published {player.num_sent:,} messages of {name}")
     return 0
 
 
@@ -153,7 +159,11 @@ class _Player:
             return
         while (frame := await self._bridge.receive(at)) is not None:
             self._hear(frame)
-        await self._bridge.send("publish", topic=self._name(connection.topic), msg=decode(raw))
+        try:
+            msg = decode(raw)
+        except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
+            raise DocumentError(f"{connection.topic}: a message does not fit its type: {error}") from None
+        await self._bridge.send("publish", topic=self._name(connection.topic), msg=msg)
         self.num_sent += 1
 
 

@@ -52,13 +52,7 @@ class Rate(NamedTuple):
 
 
 class Bandwidth(NamedTuple):
-    """Statistics of the last messages' sizes.
-
-    Attributes:
-        rate: mean rate [B/s].
-        mean, smallest, largest: sizes [B].
-        num_messages: number of messages in the measurement.
-    """
+    """Bytes per second [B/s], sizes of the last messages [B], and their number."""
 
     rate: float
     mean: float
@@ -72,13 +66,7 @@ class Bandwidth(NamedTuple):
 
 
 class Delay(NamedTuple):
-    """Statistics of the last messages' ages.
-
-    Attributes:
-        mean, smallest, largest: delays [s].
-        deviation: their standard deviation [s].
-        num_messages: number of messages in the measurement.
-    """
+    """Delays of the last messages, their standard deviation [s], and their number."""
 
     mean: float
     smallest: float

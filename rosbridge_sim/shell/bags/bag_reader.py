@@ -40,7 +40,7 @@ if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.typesys.store import Typestore
 
-__all__ = ["BagTypes", "open_reader", "read_recording"]
+__all__ = ["BagTypes", "open_reader", "read_messages", "read_recording"]
 
 _EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
 _FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are a name, not an ego's number
@@ -78,7 +78,7 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
         start_ns: int | None = None
         for connection in chosen:
             take = _taker(connection, held, egos[connection.topic], reading, types)
-            for stamp_ns, raw in _messages(bag, connection, path, breathe):
+            for _, stamp_ns, raw in read_messages(bag, [connection], path, breathe):
                 start_ns = stamp_ns if start_ns is None else min(start_ns, stamp_ns)
                 try:
                     take(raw, stamp_ns)
@@ -182,7 +182,7 @@ def _read_plans(
             reading.note(f"{error}: it is left out")
             continue
         messages = found.setdefault(key, [])
-        for stamp_ns, raw in _messages(bag, connection, path, breathe):
+        for _, stamp_ns, raw in read_messages(bag, [connection], path, breathe):
             if len(raw) > most_bytes:
                 num_long += 1
                 continue
@@ -272,7 +272,7 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, types: BagTypes, breathe: Cal
     for connection in unclear[:MAX_UNCLEAR]:
         breathe()
         with suppress(Exception):  # errors in the bytes are reported when all messages are read
-            _, raw = next(_messages(bag, connection, path, _ignore))
+            _, _, raw = next(read_messages(bag, [connection], path))
             message: Any = types.decoder(connection)(raw)
             egos[connection.topic] = max(message.unique_id, 0)
     return egos
@@ -308,16 +308,26 @@ def open_reader(path: Path) -> Iterator[Reader1 | Reader2]:
         reader.close()
 
 
-def _messages(
-    bag: Reader1 | Reader2, connection: Connection, path: Path, breathe: Callable[[], None]
-) -> Iterator[tuple[int, bytes]]:
-    """Yield stamp [ns] and bytes of each message of a topic.
+def _ignore() -> None:
+    """Do nothing between two messages."""
+
+
+def read_messages(
+    bag: Reader1 | Reader2, connections: list[Connection], path: Path, breathe: Callable[[], None] = _ignore
+) -> Iterator[tuple[Connection, int, bytes]]:
+    """Yield connection, stamp [ns] and bytes of each message of these topics, in order of the stamps.
+
+    Args:
+        bag: the open bag.
+        connections: of the topics; at least one.
+        path: of the bag, for errors.
+        breathe: called now and then.
 
     Raises:
         DocumentError: they are not where the index says, or are incomplete.
     """
-    found = bag.messages(connections=[connection])
-    for i in range(connection.msgcount):
+    found = bag.messages(connections=connections)
+    for i in range(sum(one.msgcount for one in connections)):
         if i % _BREATH == 0:
             breathe()
         try:
@@ -326,7 +336,7 @@ def _messages(
             raise DocumentError(f"{path.name}: is broken: {_first_line(error)}") from None
         if message is None:
             return
-        yield message[1], message[2]
+        yield message
 
 
 class BagTypes:
@@ -418,7 +428,3 @@ def _register(text: str, msgtype: str) -> Typestore:
 
 def _first_line(error: Exception) -> str:
     return (str(error).strip() or type(error).__name__).splitlines()[0][:200]
-
-
-def _ignore() -> None:
-    """Do nothing between two messages."""
