@@ -155,7 +155,7 @@ class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
         data, num = pack_points(echoes, self.beams, self.min_range, self.max_range)
         file = b""
         if sight.is_for_file:
-            file = np.frombuffer(data, dtype=np.uint8).reshape(num, -1)[:, :16].tobytes()
+            file = np.frombuffer(data, dtype=np.uint8).reshape(num, POINT_TYPE.itemsize)[:, :16].tobytes()
         return Cloud(data, num, file)
 
     def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:  # noqa: ARG002 - all have one message

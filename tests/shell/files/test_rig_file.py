@@ -66,7 +66,10 @@ def test_preset_of_morai_is_read_with_its_remarks(tmp_path: Path, caplog: pytest
     [
         ("[[camera]]\nfow = 3", "camera[].fow: expected one of "),
         ("[[camera]]\nwidht = 3", "(did you mean width?)"),
-        ("[[camer]]", "camer: expected one of gps, imu, camera, fisheye, lidar3d, lidar2d, radar (did you mean camera?)"),
+        (
+            "[[camer]]",
+            "camer: expected one of gps, imu, camera, fisheye, lidar3d, lidar2d, radar (did you mean camera?)",
+        ),
         ("[[camera]]\nfov = 180", "camera[0].fov: expected at most 170, got 180"),
         ("[[camera]]\nfov = nan", "camera[0].fov: "),
         ("[[camera]]\nrate = 1000", "camera[0].rate: expected at most 50, got 1000"),

@@ -696,6 +696,14 @@ def test_saved_data_has_pictures_and_points() -> None:
     assert points[:, 3].max() <= 255.0
 
 
+def test_lidar_that_sees_nothing_is_saved_as_an_empty_file() -> None:
+    blind = LIDAR.changed(model="own", elevations=(80.0, 85.0))
+    harness, client = in_sync(blind)
+    client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
+    ((_, _, files),) = harness.drawer.saved
+    assert files["LIDAR_velodyne_{}.bin"] == b""
+
+
 def test_data_that_cannot_be_saved_after_drawing_is_told() -> None:
     worker = ManualWorker()
     harness, client = in_sync(CAMERA, worker=worker)
