@@ -57,6 +57,7 @@ _WITHOUT_EFFECT: dict[str, tuple[int | str | None, str]] = {
     "--spin-time": (None, "nothing is discovered: --timeout is the longest wait for an answer"),
     "--use-sim-time": (0, "only `topic delay` needs a clock, and it takes /clock if that is there"),
     "--full-length": (0, "messages are never cut"),
+    "--wall-time": (0, "rates are always measured in real time"),
     "--include-hidden-topics": (0, _HIDDEN),
     "--include-hidden-services": (0, _HIDDEN),
     **{f"--qos-{name}": (None, _QOS) for name in ("profile", "depth", "history", "reliability", "durability")},

@@ -83,10 +83,12 @@ async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_js
     short = type_name.replace("/srv/", "/")
     spellings = (short, short.replace("/", "/srv/"))  # rosbridge_suite compares texts
     answers = await bridge.ask_all([("services_for_type", {"type": one}) for one in spellings])
-    found = sorted({name for one in answers if isinstance(one.values, dict) for name in words(one.values, "services")})
+    lists = [words(one.values, "services") for one in answers if one.is_ok and isinstance(one.values, dict)]
+    if not lists:
+        raise RefusedError(f"/rosapi/services_for_type says: {safe(str(answers[0].values))}")
+    found = sorted({name for names in lists for name in names})
     if not found:
-        why = next((f": {safe(one.values)}" for one in answers if isinstance(one.values, str)), "")
-        raise RefusedError(f"no service of type {safe(type_name)} here{why}")
+        raise RefusedError(f"no service of type {safe(type_name)} here")
     put_json(found) if is_json else put_names(found, is_count=is_count)
     return 0
 
