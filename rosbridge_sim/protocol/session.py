@@ -260,10 +260,10 @@ class Session:
             op_id: id of the op that the message is about.
         """
         if self._is_talkative and LEVELS[level] <= self.level:
-            if self.is_roslibpy is not False:
-                self.outbox.send(roslibpy_status_frame(level, text, op_id))
             if not self.is_roslibpy:
                 self.outbox.send(status_frame(level, text, op_id))
+            if self.is_roslibpy is not False:  # after it, so that the last line that roslibpy prints has the reason
+                self.outbox.send(roslibpy_status_frame(level, text, op_id))
 
     def answer(
         self, service: str, op_id: Id, values: Encoded | object, *, is_ok: bool, fragment_size: float | None = None

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.conftest import Connect
 from tests.deployment import Place
 from tests.end_to_end.programs import LIBRARIES, finish, is_python, start
 from tests.support import Frame, ServerProcess, read_line
@@ -40,6 +41,19 @@ def test_client_library_lists_topics_and_drives_the_car(simulator: Place, librar
 def test_client_library_drives_the_car_under_the_other_ros_version(ros2_server: ServerProcess, library: str) -> None:
     """With the types as its program knows them; what it is told of them is ROS 2's."""
     check_drive(finish(start(library, "basics", ros2_server.port, "drive")), "morai_msgs/msg/EgoVehicleStatus")
+
+
+async def test_status_of_an_action_comes_by_itself_after_each_change(
+    ros2_server: ServerProcess, connect: Connect
+) -> None:
+    status, provider = "/lone/_action/status", await connect(ros2_server.url)
+    await provider.send("advertise_action", action="/lone", type="example_interfaces/action/Fibonacci")
+    await provider.subscribe(status)
+    await provider.send("send_action_goal", action="/lone", args={"order": 1}, id="g")
+    goal = await provider.take("send_action_goal")
+    assert [each["status"] for each in (await provider.message(status))["status_list"]] == [2]
+    await provider.send("action_result", action="/lone", id=goal["id"], values={}, status=4, result=True)
+    assert [each["status"] for each in (await provider.message(status))["status_list"]] == [4]
 
 
 def check_drive(seen: Frame, ego_type: str) -> None:

@@ -37,8 +37,8 @@ NO_TYPE = {"op": "advertise_service", "service": "/s", "type": "std_srvs/Triger"
         ([{**WRONG, "id": "publish:/t:x"}], ["status"]),
         ([{**WRONG, "id": 3}], ["status"]),
         ([{**WRONG, "id": "mine"}, {**WRONG, "id": "publish:/t:2"}], ["status", "status"]),
-        ([NO_TYPE], ["status error: Unable to", "status"]),  # roslibpy gives it no id, so it may be either
-        ([NO_TYPE, WRONG], ["status error: Unable to", "status", "status"]),
+        ([NO_TYPE], ["status", "status error: Unable to"]),  # roslibpy gives it no id, so it may be either
+        ([NO_TYPE, WRONG], ["status", "status error: Unable to", "status"]),
         ([{"op": "set_level", "level": "warning", "id": "l"}, {**WRONG, "id": "publish:/t:2"}], ["status"]),
     ],
 )
