@@ -219,6 +219,8 @@ class TopicTable:
             raise GraphError(_conflict(topic.name, type_name, asked.name), reason=Reason.TYPE_CONFLICT)
         subscription.wanted = asked
         topic.sort()
+        if not had_messages:
+            self._state.report_topic(topic)
         return not had_messages
 
     def forget_topic(self, name: str) -> None:

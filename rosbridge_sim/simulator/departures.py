@@ -18,6 +18,7 @@ class Departures:
         self._context = context
         self._waiting: list[Participant] = []  # those that left while frames were computed
         context.hooks.after_move.append(self._tell_waiting)
+        context.hooks.after_move.rest(self._tell_waiting)
         context.bus.on_leave.append(self._leave)
 
     def _leave(self, participant: Participant, now: float) -> None:
@@ -28,13 +29,14 @@ class Departures:
             return
         if context.stepper.is_moving:
             self._waiting.append(participant)
+            context.hooks.after_move.wake(self._tell_waiting)
             return
         for act in context.hooks.on_leave:  # a failure here must not keep the world waiting for a lost master
             context.bus.guard.attempt("what follows an owner's end", act, participant, now)
         context.sync_driver.leave(participant, now)
 
     def _tell_waiting(self, now: float) -> None:
-        if self._waiting:
-            left, self._waiting = self._waiting, []
-            for participant in left:
-                self._leave(participant, now)
+        self._context.hooks.after_move.rest(self._tell_waiting)
+        left, self._waiting = self._waiting, []
+        for participant in left:
+            self._leave(participant, now)

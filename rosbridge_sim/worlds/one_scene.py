@@ -96,7 +96,7 @@ class OneScene:
 
     def after_frame(self) -> None:
         """Let vehicles come and go; nothing on most frames."""
-        for act in self.hooks.after_frame:
+        for act in self.hooks.after_frame.awake:
             act(0.0)
 
     def reset(self, seed: int | None) -> None:

@@ -41,6 +41,7 @@ class FrameStepper:
     Attributes:
         is_moving: frames are being computed now; set by the caller that computes several.
         step: moves a world by one frame.
+        now: monotonic time at which the last frame was computed [s].
         num_frames: frames computed since the start; a reset of the world does not set it back.
         meter: measures each frame; None for no measurement.
         carry_out: `(command, now)`: carries out a command that has waited for the frame.
@@ -69,6 +70,7 @@ class FrameStepper:
         """
         self.step = step
         self.is_moving = False
+        self.now = 0.0
         self.num_frames = 0
         self.meter: FrameMeter | None = None
         self.carry_out: Callable[[SceneCommand, float], object] = _no_executor
@@ -95,7 +97,7 @@ class FrameStepper:
             meter.begin()
         for command in self._sync.due(world.frame + 1):
             self.carry_out(command, now)
-        self.step(world, self._place)
+        self.step(world, self._place if hooks.place.awake else None)
         self._egos.forget_statuses()
         self._time.follow()
         if is_tick:
@@ -109,9 +111,10 @@ class FrameStepper:
                 self._publishers.show_due(world.frame, self._pacer.shown_at, now)
             if is_complete or self._info_limit.is_open(world.frame, now):
                 self._sync_info.announce(now, may_tick=is_last)
+        self.now = now
         while hooks.once_after_frame:
             hooks.once_after_frame.pop(0)(now)
-        for act in hooks.after_frame:
+        for act in hooks.after_frame.awake:
             act(now)
         self.num_frames += 1
         if meter is not None:
@@ -119,7 +122,7 @@ class FrameStepper:
 
     def _place(self) -> None:
         """Let the components place entities within a step."""
-        for place in self._hooks.place:
+        for place in self._hooks.place.awake:
             place()
 
 

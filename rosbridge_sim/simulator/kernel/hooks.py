@@ -1,19 +1,57 @@
 """Moments of a simulation that components act on; each is a list of functions.
 
-A component appends functions in its `__init__`. They are called in that order. An empty list costs nothing, so a moment
-of every frame needs no call for each component.
+A component appends functions in its `__init__`. They are called in that order. Those of each frame may rest: a
+component that has nothing to do costs nothing then.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.records import Record, field
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
 
-__all__ = ["Hooks"]
+__all__ = ["Hooks", "Moment"]
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+class Moment(Generic[F]):
+    """Functions of a moment of each frame, in the order in which they were appended.
+
+    Attributes:
+        awake: those that are called. A change within the moment holds from the next one on.
+    """
+
+    def __init__(self) -> None:
+        self.awake: tuple[F, ...] = ()
+        self._is_awake: dict[F, bool] = {}
+
+    def append(self, act: F) -> None:
+        """Add a function, which is awake."""
+        self._set(act, is_awake=True)
+
+    def remove(self, act: F) -> None:
+        """Remove a function."""
+        del self._is_awake[act]
+        self._set()
+
+    def rest(self, act: F) -> None:
+        """Do not call a function until `wake`, because it has nothing to do. It may rest already."""
+        if self._is_awake[act]:
+            self._set(act, is_awake=False)
+
+    def wake(self, act: F) -> None:
+        """Call a function again, in its place. It may be awake already."""
+        if not self._is_awake[act]:
+            self._set(act, is_awake=True)
+
+    def _set(self, *acts: F, is_awake: bool = True) -> None:
+        self._is_awake.update(dict.fromkeys(acts, is_awake))
+        self.awake = tuple([act for act, is_awake in self._is_awake.items() if is_awake])
 
 
 class Hooks(Record):
@@ -37,10 +75,10 @@ class Hooks(Record):
         on_leave: `(participant, now)` after a participant left the bus.
     """
 
-    place: list[Callable[[], object]] = field(default_factory=list)
+    place: Moment[Callable[[], object]] = field(default_factory=Moment)
     once_after_frame: list[Callable[[float], object]] = field(default_factory=list)
-    after_frame: list[Callable[[float], object]] = field(default_factory=list)
-    after_move: list[Callable[[float], object]] = field(default_factory=list)
+    after_frame: Moment[Callable[[float], object]] = field(default_factory=Moment)
+    after_move: Moment[Callable[[float], object]] = field(default_factory=Moment)
     on_mode_change: list[Callable[[float], object]] = field(default_factory=list)
     on_scene_change: list[Callable[[float], object]] = field(default_factory=list)
     on_new_scene: list[Callable[[float], object]] = field(default_factory=list)

@@ -137,7 +137,7 @@ class RealTime:
                     break
         finally:
             stepper.is_moving = False
-        for act in context.hooks.after_move:
+        for act in context.hooks.after_move.awake:
             act(now)
         publishers.repeat(now)
         pacer.measure(now)

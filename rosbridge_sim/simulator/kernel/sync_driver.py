@@ -508,7 +508,7 @@ class SyncDriver:
         finally:
             stepper.is_moving = False
         self._ended_at = now
-        for act in self._hooks.after_move:
+        for act in self._hooks.after_move.awake:
             act(now)
         return num_frames - num_left
 

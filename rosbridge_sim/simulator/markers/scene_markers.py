@@ -124,16 +124,18 @@ class SceneMarkers(Component):
 
     def _note_subscriber(self, topic: Topic) -> None:
         """Make the map if a client has subscribed to this topic."""
+        self._context.hooks.after_frame.wake(self._follow_map)
         if self._map is not None and topic is self._map.topic:
-            self._follow_map(self._now)
+            self._follow_map(max(self._now, self._context.stepper.now))
 
     def _restore(self) -> None:
         self._clear()
-        self._follow_map(self._now)
+        self._follow_map(max(self._now, self._context.stepper.now))
 
     def _follow_map(self, now: float) -> None:
-        """Publish the map in use if it was not published yet and a client listens; called often."""
+        """Publish the map in use if it was not published yet and a client listens."""
         self._now = now
+        self._context.hooks.after_frame.rest(self._follow_map)
         road_map = self._context.scene.road_map
         if self._drawn is road_map:
             return
@@ -159,6 +161,7 @@ class SceneMarkers(Component):
             return
         if isinstance(made, DocumentError):  # it took too long; the next frame tries again
             self._drawn = None
+            self._context.hooks.after_frame.wake(self._follow_map)
             return
         assert self._map is not None
         self._context.publishers.update(self._map, made, now)

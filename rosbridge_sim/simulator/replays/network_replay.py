@@ -77,6 +77,11 @@ class NetworkReplay:
         bindings.listen("ReplayInfo_topic", "ReplayInfo", self._hear, limits=_LIMITS)
         self._bindings = bindings
 
+    @property
+    def is_ignoring(self) -> bool:
+        """True while a client's messages are ignored, because its replay was ended by a command."""
+        return self._ignored is not None
+
     def settle(self, now: float) -> None:
         """End the replay if the source has stopped to publish; called after each frame."""
         if self._process.state is ReplayState.FOLLOWING and not self._publishes(self._source):

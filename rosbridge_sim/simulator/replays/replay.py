@@ -76,9 +76,10 @@ class Replay(Component):
         self._plans = ReplayedPlans(context, self._process, self._playback, reader)
         self._process.on_event.append(self._plans.settle)
         self._restored = Recording("")
-        hooks = context.hooks
+        hooks = self._hooks = context.hooks
         hooks.place.append(self._place)
         hooks.after_frame.append(self._settle)
+        self._process.on_event.append(self._wake)
         hooks.on_mode_change.append(self._settle)
         hooks.on_scene_change.append(self._process.evict)
         hooks.on_leave.append(self._network.on_leave)
@@ -86,6 +87,8 @@ class Replay(Component):
             hooks.on_reset.append(forget)
         hooks.on_restore.append(lambda: self._service.forget("The simulation was restored"))
         hooks.on_restore.append(self._network.forget)
+        for moment in (hooks.on_reset, hooks.on_restore):
+            moment.append(self._wake)
 
     def publish(self, publishers: Publishers) -> None:
         """Publish the replay and the state of the process."""
@@ -144,6 +147,7 @@ class Replay(Component):
 
     def load_state(self, data: PlainData, now: float) -> None:
         """See `Component`; `hand_over` must have been called if a bag is needed."""
+        self._wake()
         handed_over, self._restored = self._restored, Recording("")
         self._process.load_state(data["process"])
         state = self._process.state
@@ -164,15 +168,25 @@ class Replay(Component):
             self._network.resume()
         self._status.load_state(data["status"], now)
 
+    def _wake(self, _now: float = 0.0) -> None:
+        """Act in the frames that follow, because the state may be another one."""
+        self._hooks.place.wake(self._place)
+        self._hooks.after_frame.wake(self._settle)
+
     def _place(self) -> None:
         """Within a step: put each entity of the recording at its recorded pose of this frame."""
-        if self._process.state is not ReplayState.SIMULATING:
+        if self._process.state is ReplayState.SIMULATING:
+            self._hooks.place.rest(self._place)
+        else:
             self._playback.show_frame()
 
     def _settle(self, now: float) -> None:
         """Act on the end of a frame, and on the begin or end of a pause."""
-        if self._process.state is not ReplayState.SIMULATING:  # checked first, because this is called at every frame
+        is_replaying = self._process.state is not ReplayState.SIMULATING
+        if is_replaying:
             self._process.check_end(now)
             self._plans.settle(now)
         self._network.settle(now)
         self._status.settle(now)
+        if not is_replaying and not self._network.is_ignoring:
+            self._hooks.after_frame.rest(self._settle)

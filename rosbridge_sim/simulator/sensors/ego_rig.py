@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -49,17 +50,19 @@ class EgoRig:
         behind: those of them whose messages come behind their frame.
     """
 
-    def __init__(self, shared: SensorContext, ego: Ego, prefix: str) -> None:
+    def __init__(self, shared: SensorContext, ego: Ego, prefix: str, on_mount: Callable[[], object]) -> None:
         """Begin without sensors.
 
         Args:
             prefix: of its topics.
+            on_mount: called when it has other sensors.
         """
         self.ego = ego
         self.prefix = prefix
         self.sensors: list[MountedSensor] = []
         self.behind: list[MountedSensor] = []
         self._shared, self._context = shared, shared.simulator
+        self._on_mount = on_mount
         self._publishers: dict[str, PeriodicPublisher] = {}  # by the default names of the topics, without the prefix
 
     @property
@@ -97,6 +100,7 @@ class EgoRig:
         ego.mountings = {
             spec.frame_id: ego.mountings[spec.frame_id] if spec in before else spec.mounting for spec in specs
         }
+        self._on_mount()
         ego.optical_frames = tuple(spec.frame_id for spec in specs if spec.is_picture)
 
     def _bind_topics(self, specs: Rig, now: float) -> dict[str, PeriodicPublisher]:

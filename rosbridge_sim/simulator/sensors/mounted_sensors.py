@@ -120,7 +120,8 @@ class MountedSensors(Component):
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:  # noqa: ARG002 - those of the context
         """Give the ego the rig of the start."""
-        rig = self._rigs[ego.index] = EgoRig(self._shared, ego, prefix)
+        wake = partial(self._context.hooks.after_frame.wake, self._after_frame)
+        rig = self._rigs[ego.index] = EgoRig(self._shared, ego, prefix, wake)
         rig.mount(self._start_rig, 0.0)
 
     def has_topic_like(self, type_name: str) -> bool:
@@ -180,6 +181,9 @@ class MountedSensors(Component):
 
     def _after_frame(self, now: float) -> None:
         """Read the sensors that are due, or have them drawn."""
+        if not any(rig.behind for rig in self._rigs.values()):
+            self._context.hooks.after_frame.rest(self._after_frame)
+            return
         frame, num_turns, i = self._context.world.frame, self._num_turns, 0
         if num_turns > self._num_turns_told:
             self._num_turns_told = num_turns

@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
@@ -46,6 +47,8 @@ class Contacts(Component):
             *("header", "frame", "id", "kind", "name", "x", "y", "z", "relative_speed"),
         )
         context.hooks.after_frame.append(self._after_frame)
+        context.bus.on_topic.append(self._note_subscriber)
+        self._is_following = True
         self._has_told = False
         context.hooks.after_frame.append(self._tell_of_heap)
         for moments in (context.hooks.on_reset, context.hooks.on_restore):
@@ -54,6 +57,13 @@ class Contacts(Component):
     def publish(self, publishers: Publishers) -> None:
         """Publish the topic that exists once, not for each ego."""
         self._publisher = publishers.add(COLLISIONS, "rosbridge_sim_msgs/Contact", lambda: None)
+
+    def _note_subscriber(self, _topic: Topic) -> None:
+        """Look at the frames that follow, because the topic may have a subscriber now."""
+        if not self._is_following:
+            self._is_following = True
+            self._follow()
+            self._context.hooks.after_frame.wake(self._after_frame)
 
     def _follow(self) -> None:
         """Take the world's contacts for known ones."""
@@ -74,7 +84,11 @@ class Contacts(Component):
         world = self._context.world
         before, self._before = self._before, world.contacts
         topic = None if self._publisher is None else self._publisher.topic
-        if not len(world.contacts) or topic is None or not topic.has_listener:
+        if topic is None or not topic.subscriptions:
+            self._is_following = False
+            self._context.hooks.after_frame.rest(self._after_frame)
+            return
+        if not len(world.contacts) or not topic.has_listener:
             return
         known = set(map(tuple, before.tolist()))
         begun = [pair for pair in map(tuple, world.contacts.tolist()) if pair not in known]

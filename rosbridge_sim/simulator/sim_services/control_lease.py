@@ -69,6 +69,7 @@ class ControlLeases(Component):
         else:
             self._forget_removed_egos()
             self._leases[caller, uid] = _Lease(math.ceil(seconds / DT), self._context.world.frame)
+            self._context.hooks.after_frame.wake(self._after_frame)
         make = call.service.type.response.struct_type
         call.answer(make(result=not why, message=why, client=address_of(caller)))
 
@@ -96,7 +97,9 @@ class ControlLeases(Component):
 
     def _after_frame(self, _now: float) -> None:
         """Lift the pedals of drivers that have been silent for too long. In synchronous mode the master decides."""
-        if not self._leases or not self._context.sync.is_free:
+        if not self._leases:
+            self._context.hooks.after_frame.rest(self._after_frame)
+        if not self._context.sync.is_free:
             return
         frame = self._context.world.frame
         for (holder, uid), lease in self._leases.items():

@@ -173,6 +173,7 @@ class Traffic(Component):
 
     def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - the interface has it
         """Become what was saved."""
+        self._context.hooks.after_frame.wake(self._act)
         self._load = self._context.scene.loaded
         self._routes = {}
         num = len(self._points)
@@ -213,6 +214,7 @@ class Traffic(Component):
     def _begin(self, _now: float) -> None:
         """Follow a new scene; a load that left the scene as it was changes nothing but the number of vehicles."""
         scene, world = self._context.scene, self._context.world
+        self._context.hooks.after_frame.wake(self._act)
         if self._load is None:
             self._owner = {}
             self._fill_made = 0
@@ -230,6 +232,7 @@ class Traffic(Component):
     def _act(self, _now: float) -> None:
         """Take away what has arrived, and add what is due."""
         if not self._points and not self._target:
+            self._context.hooks.after_frame.rest(self._act)
             return
         world = self._context.world
         if world.frame % INTERVAL or self._context.scene.is_replaying:

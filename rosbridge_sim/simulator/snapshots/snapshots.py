@@ -102,7 +102,9 @@ class Snapshots(Component):
         self._own = OwnBytes()
         self._is_reading = False
         self._is_after_frame = False
-        context.hooks.after_frame.append(self._publish_hash)
+        publish_hash, after_frame = self._publish_hash, context.hooks.after_frame
+        after_frame.append(publish_hash)
+        context.bus.on_topic.append(lambda _topic: after_frame.wake(publish_hash))
         store = context.bus.store
         self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id", "frame", "size", "state_hash")
         self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header", "frame", "hash")
@@ -153,6 +155,7 @@ class Snapshots(Component):
         """Publish the hash behind a frame, for those that listen to it by its name: it is not free of cost."""
         topic = self._topic.topic
         if topic is None or not topic.subscriptions:
+            self._context.hooks.after_frame.rest(self._publish_hash)
             return
         if any(not one.is_idle and not one.is_general for one in topic.subscriptions):
             self._is_after_frame = True
