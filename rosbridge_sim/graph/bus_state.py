@@ -71,6 +71,7 @@ class BusState:
         guard: limits the effect of internal errors.
         total: memory account of all owners together.
         accounts: accounts of owners with a limit, by owner.
+        held: the things of each owner; see `holdings` and `held_by`.
         on_leave: called with `(owner, now)` after an owner has left.
         on_topic: called with a topic after a publisher or subscriber was added.
         on_holdings: called with an owner after a change of its publishers, subscriptions or services.
@@ -90,7 +91,7 @@ class BusState:
         self.on_holdings: list[Callable[[Participant], None]] = []
         self.on_refusal: Callable[[RefusedRequest], None] = lambda _refusal: None
         self._own_account = Account(total=self.total)
-        self._holdings: dict[Participant, Holdings] = {}
+        self.held: dict[Participant, Holdings] = {}
 
     def account_of(self, owner: Participant) -> Account:
         """Return the account that pays for an owner's memory."""
@@ -98,22 +99,22 @@ class BusState:
 
     def owners(self) -> list[Participant]:
         """Return all owners of anything, in order of arrival."""
-        return list(self._holdings)
+        return list(self.held)
 
     def holdings(self, owner: Participant) -> Holdings:
         """Return the things of an owner; read only."""
-        return self._holdings.get(owner) or Holdings()
+        return self.held.get(owner) or Holdings()
 
     def held_by(self, owner: Participant) -> Holdings:
         """Return the things of an owner, to be changed (for the parts of the bus alone)."""
-        held = self._holdings.get(owner)
+        held = self.held.get(owner)
         if held is None:
-            held = self._holdings[owner] = Holdings()
+            held = self.held[owner] = Holdings()
         return held
 
     def forget_owner(self, owner: Participant) -> None:
         """Forget an owner that holds nothing any more (for the bus alone)."""
-        self._holdings.pop(owner, None)
+        self.held.pop(owner, None)
         self.accounts.pop(owner, None)
 
     def report_topic(self, topic: Topic) -> None:

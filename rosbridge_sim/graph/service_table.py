@@ -140,7 +140,7 @@ class ServiceTable:
             if service is None:
                 raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
             request = service.decode_request(args, state.stamp_ns, caller)
-            held = state.held_by(caller).calls
+            held = (state.held.get(caller) or state.held_by(caller)).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)
             # The simulator's own services need no limit: they answer at once, or hold their caller.
@@ -174,7 +174,9 @@ class ServiceTable:
         """Remove an ended call from its caller's list (for `Call` alone)."""
         if call.num_bytes:
             self._state.account_of(call.caller).give(call.num_bytes)
-        self._state.holdings(call.caller).calls.pop(call, None)
+        held = self._state.held.get(call.caller)
+        if held is not None:
+            held.calls.pop(call, None)
         if call.deadline is not None:
             self._num_stale += 1
             if self._num_stale > MAX_STALE and 2 * self._num_stale > len(self._deadlines):

@@ -14,7 +14,7 @@ import msgspec
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Notify, Participant, decode_body, is_guest
 from rosbridge_sim.protocol.account import Account, HeldMessages
-from rosbridge_sim.protocol.body_limits import BodyLimits
+from rosbridge_sim.protocol.body_limits import LIGHT, BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.message import Message
@@ -147,15 +147,6 @@ class Topic:
             subscription.is_binding for subscription in self.all_subscriptions
         )
 
-    def check(self, body: OpBody) -> None:
-        """Check a client's message that is not converted yet.
-
-        Raises:
-            FieldError: it is larger than the server takes on this topic.
-        """
-        if self.limits is not None:
-            self.limits.check(self.name, body, "message")
-
     def settle(self, message_type: MessageType | OpaqueType) -> None:
         """Fix the type, and tell the subscriptions that ask for another one (for the bus alone).
 
@@ -253,7 +244,7 @@ class Topic:
                 self.forget_messages_of(owner)
         self.kept[sender] = held
         held.put(message, self.depth)
-        return len(held) > 0
+        return bool(held.entries)
 
     def forget_messages_of(self, owner: Participant) -> None:
         """Drop the latched messages of one publisher.
@@ -320,7 +311,7 @@ class Service:
         Raises:
             PeerError: the request is too large, or does not fit the type.
         """
-        if self.limits is not None:
+        if self.limits is not None and not (isinstance(args, msgspec.Raw) and len(args) < LIGHT):
             self.limits.check(self.name, args)
         return decode_body(self.type.request, args, stamp_ns, caller)
 

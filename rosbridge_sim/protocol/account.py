@@ -76,9 +76,13 @@ class Account:
 
 
 class HeldMessages(Generic[T]):
-    """Queue of waiting messages, limited in number and by an account. The oldest are dropped first."""
+    """Queue of waiting messages, limited in number and by an account. The oldest are dropped first.
 
-    __slots__ = ("_account", "_entries", "_size_of")
+    Attributes:
+        entries: the messages with their sizes [bytes], oldest first; read only for others.
+    """
+
+    __slots__ = ("_account", "_size_of", "entries")
 
     def __init__(self, account: Account | None, size_of: Callable[[T], int]) -> None:
         """Create an empty queue.
@@ -89,14 +93,14 @@ class HeldMessages(Generic[T]):
         """
         self._account = account
         self._size_of = size_of
-        self._entries: deque[tuple[T, int]] = deque()
+        self.entries: deque[tuple[T, int]] = deque()
 
     def __len__(self) -> int:
-        return len(self._entries)
+        return len(self.entries)
 
     def messages(self) -> list[T]:
         """Return all messages, oldest first."""
-        return [message for message, _ in self._entries]
+        return [message for message, _ in self.entries]
 
     def put(self, message: T, max_length: int) -> int:
         """Add the newest message; drop the oldest ones if there is no room.
@@ -107,7 +111,7 @@ class HeldMessages(Generic[T]):
         Returns:
             Number of dropped messages. It is 1 if the new message itself does not fit.
         """
-        entries = self._entries
+        entries = self.entries
         if self._account is None:
             entries.append((message, 0))
             if len(entries) <= max_length:
@@ -117,19 +121,19 @@ class HeldMessages(Generic[T]):
         size = self._size_of(message)
         num_dropped = self.shorten(max_length - 1)
         while not self._account.take(size):
-            if not self._entries:
+            if not self.entries:
                 return num_dropped + 1
             self.pop()
             num_dropped += 1
         if max_length > 0:
-            self._entries.append((message, size))
+            self.entries.append((message, size))
             return num_dropped
         self._account.give(size)
         return num_dropped + 1
 
     def pop(self) -> T:
         """Remove and return the oldest message."""
-        message, size = self._entries.popleft()
+        message, size = self.entries.popleft()
         if self._account is not None:
             self._account.give(size)
         return message
@@ -144,7 +148,7 @@ class HeldMessages(Generic[T]):
             Number of dropped messages.
         """
         num_dropped = 0
-        while len(self._entries) > max(0, max_length):
+        while len(self.entries) > max(0, max_length):
             self.pop()
             num_dropped += 1
         return num_dropped

@@ -17,10 +17,10 @@ from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.records import Record
 from rosbridge_sim.weight import FEW, Weight, count_few, weigh, weigh_exactly
 
-__all__ = ["BodyLimits"]
+__all__ = ["LIGHT", "BodyLimits"]
 
-_WEIGHED: Final = 4 * 1024
-"""From this size on, what a body holds is counted [bytes]; a smaller one is always light."""
+LIGHT: Final = 4 * 1024
+"""From this size on, what a body holds is counted [bytes]; a smaller one is within all limits."""
 
 _EXACT: Final = 256 * 1024
 """Up to this size, brackets and quotes inside texts are left out of the count, if it is too high [bytes]: 1 ms."""
@@ -63,7 +63,7 @@ class BodyLimits(Record):
         """
         if isinstance(body, (bytes, msgspec.Raw)):
             size = len(body)
-            if size < _WEIGHED:
+            if size < LIGHT:
                 return
             why = "" if size > self.num_bytes else self._excess_of_text(bytes(body))
         elif isinstance(body, (dict, list)):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from operator import attrgetter
 from typing import Any, Protocol, TypeAlias
 
 from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
@@ -229,23 +230,23 @@ class Peer(PeerBase):
 _Act: TypeAlias = Callable[[Any, float], None]
 """Does an op; its argument is the struct of that op."""
 
-_ACTS: dict[type, Callable[[Peer], _Act]] = {
-    ops.Publish: lambda peer: peer.topics.publish,
-    ops.CallService: lambda peer: peer.services.call,
-    ops.ServiceResponse: lambda peer: peer.services.respond,
-    ops.Subscribe: lambda peer: peer.topics.subscribe,
-    ops.Unsubscribe: lambda peer: peer.topics.unsubscribe,
-    ops.Advertise: lambda peer: peer.topics.advertise,
-    ops.Unadvertise: lambda peer: peer.topics.unadvertise,
-    ops.AdvertiseService: lambda peer: peer.services.advertise,
-    ops.UnadvertiseService: lambda peer: peer.services.unadvertise,
-    ops.AdvertiseAction: lambda peer: peer.actions.advertise,
-    ops.UnadvertiseAction: lambda peer: peer.actions.unadvertise,
-    ops.SendActionGoal: lambda peer: peer.actions.send_goal,
-    ops.CancelActionGoal: lambda peer: peer.actions.cancel_goal,
-    ops.ActionFeedback: lambda peer: peer.actions.report,
-    ops.ActionResult: lambda peer: peer.actions.end_goal,
-    ops.SetLevel: lambda peer: peer.set_level,
-    ops.Status: lambda peer: peer.log_status,
-    ops.Auth: lambda peer: peer.take_token,
+_ACTS: dict[type, attrgetter[_Act]] = {
+    ops.Publish: attrgetter("topics.publish"),
+    ops.CallService: attrgetter("services.call"),
+    ops.ServiceResponse: attrgetter("services.respond"),
+    ops.Subscribe: attrgetter("topics.subscribe"),
+    ops.Unsubscribe: attrgetter("topics.unsubscribe"),
+    ops.Advertise: attrgetter("topics.advertise"),
+    ops.Unadvertise: attrgetter("topics.unadvertise"),
+    ops.AdvertiseService: attrgetter("services.advertise"),
+    ops.UnadvertiseService: attrgetter("services.unadvertise"),
+    ops.AdvertiseAction: attrgetter("actions.advertise"),
+    ops.UnadvertiseAction: attrgetter("actions.unadvertise"),
+    ops.SendActionGoal: attrgetter("actions.send_goal"),
+    ops.CancelActionGoal: attrgetter("actions.cancel_goal"),
+    ops.ActionFeedback: attrgetter("actions.report"),
+    ops.ActionResult: attrgetter("actions.end_goal"),
+    ops.SetLevel: attrgetter("set_level"),
+    ops.Status: attrgetter("log_status"),
+    ops.Auth: attrgetter("take_token"),
 }

@@ -53,7 +53,7 @@ class PeerServices:
 
     def call(self, op: ops.CallService, now: float) -> None:
         """Call a service; a mistake becomes the answer."""
-        service, op_id = split_id(op)
+        service, op_id = (op.service, op.id) if op.id is not None else split_id(op)
         if not self._policy.is_open:
             try:
                 self._policy.check_call(service)

@@ -136,8 +136,8 @@ class PeerTopics:
         message: object = op.msg
         if not isinstance(message, Message):  # else the reader has read it
             target = bus.find_topic(op.topic) if topic is None else topic
-            if target is not None:
-                target.check(op.msg)
+            if target is not None and target.limits is not None:
+                target.limits.check(target.name, op.msg, "message")
             value = decode_body(message_type, op.msg, bus.stamp_ns)
             message = Message(message_type, value, self._session.frame_length)
             if self.is_searching and op.topic not in self._searched:

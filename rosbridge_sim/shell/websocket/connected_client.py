@@ -11,6 +11,7 @@ from time import perf_counter
 from typing import Protocol
 
 from websockets.frames import CloseCode
+from websockets.protocol import State
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
@@ -53,6 +54,7 @@ _SHORTER = (
 )
 """Ways to send a long message, for an error text."""
 
+_OPEN = State.OPEN
 _NEVER = float("inf")
 
 
@@ -114,6 +116,7 @@ class Client:
         self._begin_frame: Callable[[bytes, float], Work | None] = self.peer.begin
         self._max_frame_size = limits.max_frame_size
         self._turns = turns
+        self.begin = turns.begin  # for its socket, as a `Receiver`
         self._watch = watch
         self._guard = bus.guard
         self.has_failed = False
@@ -123,7 +126,6 @@ class Client:
         self._alarm: asyncio.Handle | None = None
         self._alarm_due = _NEVER
         self._closing: asyncio.Task[None] | None = None
-        self._until = 0.0
         self._work: Work | None = None
         self._has_input = False
         self._has_output = False
@@ -172,11 +174,6 @@ class Client:
 
     # Input, as the `Receiver` of its socket
 
-    def begin(self) -> float:
-        """Begin a turn; return its end, by `perf_counter` [s]. See `Turns.begin`."""
-        self._until = self._turns.begin()
-        return self._until
-
     def receive(self, message: bytes) -> bool:
         """Do the ops of a frame, as far as the turn allows.
 
@@ -215,7 +212,7 @@ class Client:
                 self._regret_frame()
                 self._end_frame()
                 break
-            if self.peer.is_held or perf_counter() >= self._until:
+            if self.peer.is_held or perf_counter() >= self._turns.until:
                 return False
         return not self.peer.is_held
 
@@ -296,7 +293,7 @@ class Client:
         return self._is_in_line
 
     def _work_until(self, until: float) -> None:
-        self._until = until
+        self._turns.until = until
         if self._has_output:
             self._has_output = False
             self.flush()
@@ -366,7 +363,7 @@ class Client:
     def _flush_outbox(self) -> None:
         self._is_woken = False
         socket, outbox = self.socket, self.outbox
-        if not socket.is_open:
+        if socket.core.state is not _OPEN:
             outbox.close()
             return
         turns = self._turns

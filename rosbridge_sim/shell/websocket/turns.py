@@ -48,6 +48,7 @@ class Turns:
     """The turns of all clients of one server.
 
     Attributes:
+        until: end of the turn that runs, by `perf_counter` [s].
         num_bytes_left: bytes that sockets may still get in this round; clients subtract theirs. Below 1, heavy messages
             wait for a later round.
     """
@@ -61,6 +62,7 @@ class Turns:
         """
         self._loop = loop
         self._on_round = on_round
+        self.until = 0.0
         self.num_bytes_left = ROUND_BYTES
         self._is_begun = False
         self._ends = 0.0
@@ -78,11 +80,15 @@ class Turns:
         """
         now = perf_counter()
         if not self._is_begun:
-            self._is_begun = self._is_gathering = True
-            self._ends = now + ROUND_TIME
-            self._loop.call_soon(self._end_round)
+            self._begin_round(now)
         until = now + TURN_TIME
-        return until if until < self._ends else self._ends  # noqa: FURB136 - each read comes here; `min` takes 70 ns more
+        self.until = until = until if until < self._ends else self._ends  # noqa: FURB136 - each read comes here; `min` takes 70 ns more
+        return until
+
+    def _begin_round(self, now: float) -> None:
+        self._is_begun = self._is_gathering = True
+        self._ends = now + ROUND_TIME
+        self._loop.call_soon(self._end_round)
 
     def flush_later(self, flush: Callable[[], None]) -> None:
         """Call a function at the end of the running round, after the world's turn; without a round, in the next pass.
@@ -103,7 +109,8 @@ class Turns:
             had_turn: it has worked in this round; others come first.
         """
         (self._old if had_turn else self._new).append(worker)
-        self.begin()  # begins a round, whose end serves the worker
+        if not self._is_begun:  # the end of a round serves the worker
+            self._begin_round(perf_counter())
 
     def leave(self, worker: Worker) -> None:
         """Forget a worker; one that does not wait is not an error."""
@@ -121,7 +128,8 @@ class Turns:
             flush()
         if not self._new and not self._old:
             return
-        self.begin()
+        if not self._is_begun:
+            self._begin_round(perf_counter())
         new, self._new = self._new, deque()
         while new and perf_counter() < self._ends:
             self._serve(new.popleft())
