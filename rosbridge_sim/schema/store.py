@@ -11,8 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
-import msgspec
-
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.compile import compile_message
 from rosbridge_sim.schema.definitions.dialect import ROS1, ROS2, Leniency
@@ -60,6 +58,7 @@ class Store:
 
     Attributes:
         ros: the ROS generation whose forms go out.
+        time_value: `(stamp_ns)`: returns the value of a `time` field at a time [ns].
 
     Args:
         texts: definition texts by (package, `msg` or `srv` or `action`, name).
@@ -80,6 +79,7 @@ class Store:
         leniency = leniency or Leniency()
         self.ros = ros
         self._dialect = {1: ROS1, 2: ROS2}[ros]
+        self.time_value = self._dialect.time
         self._encoders = Encoders(ros)
         self._is_checked = is_checked
         self._texts = dict(texts)
@@ -267,10 +267,6 @@ class Store:
             if name.partition("/")[0] == package:
                 found += self._action_parts(name) or ()
         return found
-
-    def time_value(self, stamp_ns: int) -> msgspec.Struct:
-        """Return the value of a `time` field at a time [ns]."""
-        return self._dialect.time(stamp_ns)
 
     # Search for types
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from operator import attrgetter
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.messages.convert import Converter
@@ -181,7 +182,8 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
         catalogue=settings.catalogue,
     )
     ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
-    egos = EgoRegistry(world, convert, ctrl_mode, roads=lambda: scene.road_map.roads, sensor_frames=SENSOR_FRAMES)
+    roads = partial(attrgetter("road_map.roads"), scene)
+    egos = EgoRegistry(world, convert, ctrl_mode, roads=roads, sensor_frames=SENSOR_FRAMES)
     sync: Sync[SceneCommand] = Sync(
         is_on=settings.start == "sync",
         on_loss=settings.sync_on_loss,

@@ -149,7 +149,8 @@ class Scheduler:
         except Exception as error:  # noqa: BLE001 - any internal error
             self._fail(error)
         else:
-            self._arm(now, due)
+            if not due == self._armed_for == math.inf:
+                self._arm(now, due)
 
     def _end_rest(self) -> None:
         """Allow another turn with work, in the pass of the loop after that of the last one."""

@@ -91,6 +91,7 @@ class PeriodicPublisher(TopicPublisher):
     Attributes:
         takers: get each message that `Publishers.deliver` publishes, beside the subscribers; such a message is made
             while there are any.
+        not_listening: `topic.subscriptions` while none of them wants the message, so that it is not made.
     """
 
     def __init__(
@@ -118,6 +119,7 @@ class PeriodicPublisher(TopicPublisher):
         self.is_second_name = is_second_name
         self.is_shown_in_pause = is_shown_in_pause
         self.takers: list[Callable[[Message], object]] = []
+        self.not_listening: tuple[Subscription, ...] = ()
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
         self._rate = Fraction(1)
         self._most: Fraction | None = None

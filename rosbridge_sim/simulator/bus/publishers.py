@@ -208,7 +208,8 @@ class Publishers:
         self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
-            if topic is None or not topic.subscriptions:  # true for most topics at each frame: saves the calls
+            # The first two are true for most topics at each frame: saves the calls.
+            if topic is None or not topic.subscriptions or topic.subscriptions is publisher.not_listening:
                 continue
             if not topic.has_listener or (publisher.is_sampled and not publisher.num_due(frame)):
                 continue
@@ -228,7 +229,7 @@ class Publishers:
         self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
-            if topic is None or not topic.subscriptions:  # as above
+            if topic is None or not topic.subscriptions or topic.subscriptions is publisher.not_listening:  # as above
                 continue
             num = publisher.num_due_in_real_time(frame)
             if not num or not topic.has_listener:

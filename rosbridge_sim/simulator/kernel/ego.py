@@ -159,7 +159,8 @@ class Ego:
             A struct, shared by all callers.
         """
         if self._status is None:
-            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index, self._roads())
+            world = self._world
+            self._status = self._convert.ego_vehicle_status(world, world.row(self.uid), self.index, self._roads())
         return self._status
 
     def forget_status(self) -> None:

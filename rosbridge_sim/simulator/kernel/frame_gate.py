@@ -16,26 +16,25 @@ class FrameGate:
     """A gate that may be closed several times; it is open when each closing has been undone.
 
     Attributes:
+        is_open: nothing of the last frame is missing.
         on_open: `(now)` called when it opens.
     """
 
     def __init__(self) -> None:
         self.on_open: list[Callable[[float], object]] = []
+        self.is_open = True
         self._num_closed = 0
-
-    @property
-    def is_open(self) -> bool:
-        """True if nothing of the last frame is missing."""
-        return not self._num_closed
 
     def close(self) -> None:
         """Hold the frames that follow, and the answers, until as many calls of `open`."""
         self._num_closed += 1
+        self.is_open = False
 
     def open(self, now: float) -> None:
         """Undo one `close`."""
         assert self._num_closed, "the gate is open"
         self._num_closed -= 1
-        if not self._num_closed:
+        self.is_open = not self._num_closed
+        if self.is_open:
             for act in self.on_open:
                 act(now)

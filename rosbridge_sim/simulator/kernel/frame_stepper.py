@@ -95,8 +95,9 @@ class FrameStepper:
         world, hooks, meter = self._world, self._hooks, self.meter
         if meter is not None:
             meter.begin()
-        for command in self._sync.due(world.frame + 1):
-            self.carry_out(command, now)
+        if self._sync.queue:
+            for command in self._sync.due(world.frame + 1):
+                self.carry_out(command, now)
         self.step(world, self._place if hooks.place.awake else None)
         self._egos.forget_statuses()
         self._time.follow()

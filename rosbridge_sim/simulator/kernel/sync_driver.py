@@ -31,9 +31,9 @@ from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.tick_calls import ModeResult, OneTick, OnTick, TickResult, WaitingCall, WaitingTicks
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sync.barrier import Barrier
-from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome
+from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome, BarrierState
 from rosbridge_sim.simulator.sync.sync import Sync
-from rosbridge_sim.simulator.sync.sync_table import SyncOutcome, SyncState
+from rosbridge_sim.simulator.sync.sync_table import PAUSED, SyncOutcome, SyncState
 from rosbridge_sim.world.state.world import World
 
 __all__ = ["SyncDriver"]
@@ -260,13 +260,15 @@ class SyncDriver:
         Raises:
             GraphError: a step has failed, now or before: the world stands still for good.
         """
-        if self._barrier.is_on:
+        if self._barrier.state is not BarrierState.EMPTY:
             self._ask_barrier_tick(user_id, named, caller, on_end, now)
             return
         sync = self._sync
-        is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
-        call = WaitingCall(OneTick(on_end), sync.num_frames)
-        wait = partial(self.calls.append, call)
+        is_paused = sync.state in PAUSED  # before the frames of this tick, which may bring a pause
+
+        def wait() -> None:
+            self.calls.append(WaitingCall(OneTick(on_end), sync.num_frames))
+
         outcome = sync.tick(
             user_id,
             named,
@@ -280,10 +282,15 @@ class SyncDriver:
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
             return
-        if outcome.state is not SyncState.WAITING:
-            self._answer(call, TickResult(is_accepted=True, is_paused=is_paused), now)
-        else:
+        if outcome.state is SyncState.WAITING:
+            call = self.calls[-1]
             self._begin(call, now)
+        elif self._gate.is_open:
+            on_end(TickResult(is_accepted=True, is_paused=is_paused))
+            return
+        else:
+            call = WaitingCall(OneTick(on_end), sync.num_frames)
+            self._answer(call, TickResult(is_accepted=True, is_paused=is_paused), now)
         if not call.is_over:
             call.release = self.hold(caller)
 

@@ -7,6 +7,7 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sync.sync import Sync
+from rosbridge_sim.simulator.sync.sync_table import ON
 from rosbridge_sim.world.state.world import World
 
 __all__ = ["SyncInfo"]
@@ -44,6 +45,6 @@ class SyncInfo:
             may_tick: false within a tick, because the next tick cannot be sent before the last frame of this one.
         """
         sync = self._sync
-        info = self._make(sync.master_id, sync.is_on, self._world.frame, sync.can_send_tick and may_tick)
+        info = self._make(sync.master_id, sync.state in ON, self._world.frame, sync.can_send_tick and may_tick)
         self._told_frame = self._world.frame
         self._publishers.update(self._topic, info, now)

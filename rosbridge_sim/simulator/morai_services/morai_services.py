@@ -117,7 +117,8 @@ class Services(Component):
         respond(call, self._make_cmd(user_id, context.world.frame, result.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
-        request, context = request_of(call), self._context
+        wrapped: Any = call.request
+        request, context = wrapped.request, self._context
         if context.stepper.is_moving:  # a subscriber asks for the next tick when it gets a message of this one
             raise GraphError(f"{call.service.name}: a tick is in progress", reason=Reason.NOT_NOW)
 
@@ -131,7 +132,8 @@ class Services(Component):
                 explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
             frame = context.world.frame
             is_paused, status = result.is_paused, ego.status()
-            respond(call, self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame)))
+            response = self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame))
+            call.answer(call.service.type.response.struct_type(response))
 
         context.sync_driver.ask_tick(request.user_id, request.frame, call.caller, answer, now)
 

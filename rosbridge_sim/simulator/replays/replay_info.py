@@ -90,12 +90,11 @@ class ReplayInfoPublisher:
             return None
         assert self._publisher.topic is not None, "it is published"
         takes_all = self._is_showing_drives or self._process.state is not ReplayState.SIMULATING
-        context = self._context
-        owner = context.participant
-        if not any(
-            one.owner is not owner and not one.is_idle and (takes_all or not one.is_general)
-            for one in self._publisher.topic.subscriptions
-        ):
+        context, subscriptions = self._context, self._publisher.topic.subscriptions
+        others = [one for one in subscriptions if one.owner is not context.participant]
+        if not others:
+            self._publisher.not_listening = subscriptions
+        if not any(not one.is_idle and (takes_all or not one.is_general) for one in others):
             return None
         world, convert, row = context.world, context.convert, context.egos.first.row
         vector = self._vector

@@ -251,14 +251,14 @@ class Sync(WaitingCommands[C]):
         Returns:
             The outcome. If it is accepted, the frames of the tick have been computed, or it waits.
         """
-        if not self._is_master(user_id):
+        if not user_id or user_id != self.master_id:
             return self._follow(SyncHappening(SyncEvent.TICK_BY_OTHER, now))
         self._hear(holder, now)
-        num_frames = self.num_frames
+        num_frames = self.step_ms // FRAME_MS
         end = frame + self._num_owed + num_frames
         if self._is_strict and named != end:
             return self._follow(SyncHappening(SyncEvent.TICK_MISFIT, now))
-        waits = is_held or (is_in_turns and num_frames > 1) or self._is_early(end)
+        waits = is_held or (is_in_turns and num_frames > 1) or (bool(self._unready) and self._is_early(end))
         event = SyncEvent.TICK_EARLY if waits else SyncEvent.TICK_BY_MASTER
         return self._follow(SyncHappening(event, now, num_frames, on_wait=on_wait))
 
@@ -329,7 +329,7 @@ class Sync(WaitingCommands[C]):
         if prepare is not None and not self._is_in_tick:
             prepare()
         # A command may bring a pause, which ends with the tick; so ticks are taken one by one while any waits.
-        num_frames = ticks[0] if most_ticks == 1 or self._waiting else sum(islice(ticks, most_ticks))
+        num_frames = ticks[0] if most_ticks == 1 or self.queue else sum(islice(ticks, most_ticks))
         self._num_settled += num_frames
         self._num_owed -= num_frames
         self._follow(SyncHappening(SyncEvent.TURN, now, num_frames))
@@ -368,7 +368,7 @@ class Sync(WaitingCommands[C]):
         frame += self._num_owed
         if named > frame + MAX_AHEAD:
             return self._follow(SyncHappening(SyncEvent.COMMAND_TOO_FAR, now))
-        if len(self._waiting) >= MAX_WAITING_COMMANDS:
+        if len(self.queue) >= MAX_WAITING_COMMANDS:
             return self._follow(SyncHappening(SyncEvent.COMMAND_TOO_MANY, now))
         due = max(named, frame + 1)
         return self._follow(
@@ -402,9 +402,9 @@ class Sync(WaitingCommands[C]):
         """
         assert not self._ticks, "ticks wait for commands that are not ready"
         self._unready.clear()
-        self._waiting = [(frame, i, command) for i, (frame, command) in enumerate(commands, 1)]
-        self._num_arrived = len(self._waiting)
-        heapq.heapify(self._waiting)
+        self.queue = [(frame, i, command) for i, (frame, command) in enumerate(commands, 1)]
+        self._num_arrived = len(self.queue)
+        heapq.heapify(self.queue)
 
     def is_master(self, user_id: str) -> bool:
         """Return whether this id may tick."""
@@ -485,13 +485,13 @@ class Sync(WaitingCommands[C]):
         self._holders.clear()
 
     def _drop(self, _happening: SyncHappening[C]) -> None:
-        self._waiting.clear()
+        self.queue.clear()
         self._unready.clear()
 
     def _queue(self, happening: SyncHappening[C]) -> None:
         for command in happening.command:
             self._num_arrived += 1
-            heapq.heappush(self._waiting, (happening.due, self._num_arrived, command))
+            heapq.heappush(self.queue, (happening.due, self._num_arrived, command))
             if self._num_owed:
                 self._delayed[self._num_arrived] = (happening.named, self._num_settled + self._num_owed)
             if not happening.is_ready:
@@ -532,13 +532,13 @@ class Sync(WaitingCommands[C]):
         """
         start, end = self._num_settled, self._num_settled + num_frames
         if self._delayed:
-            for i, (due, arrival, command) in enumerate(self._waiting):
+            for i, (due, arrival, command) in enumerate(self.queue):
                 named, num_before = self._delayed.get(arrival, (due, start))
                 moved = max(named, due - max(0, min(end, num_before) - start))
-                self._waiting[i] = (moved, arrival, command)
+                self.queue[i] = (moved, arrival, command)
                 if command in self._unready:
                     self._unready[command] = moved
-            heapq.heapify(self._waiting)
+            heapq.heapify(self.queue)
         self._num_settled, self._num_owed = end, self._num_owed - num_frames
         if not self._num_owed:
             self._forget_delays()

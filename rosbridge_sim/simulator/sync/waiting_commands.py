@@ -12,10 +12,14 @@ __all__ = ["WaitingCommands"]
 
 
 class WaitingCommands(Generic[C]):
-    """Commands in the order in which they will be carried out: by frame, then by arrival."""
+    """Commands in the order in which they will be carried out: by frame, then by arrival.
+
+    Attributes:
+        queue: a heap of (frame, order of arrival, command); read only for others.
+    """
 
     def __init__(self) -> None:
-        self._waiting: list[tuple[int, int, C]] = []  # a heap of (frame, order of arrival, command)
+        self.queue: list[tuple[int, int, C]] = []
         self._num_arrived = 0
         self._unready: dict[C, int] = {}  # commands that wait and are not ready, with their frames
 
@@ -28,7 +32,7 @@ class WaitingCommands(Generic[C]):
             command: what `due` gives back.
         """
         self._num_arrived += 1
-        heapq.heappush(self._waiting, (frame + 1, self._num_arrived, command))
+        heapq.heappush(self.queue, (frame + 1, self._num_arrived, command))
 
     def ready(self, command: C) -> None:
         """Note that a command that was not ready can now be carried out; one that was dropped is no error."""
@@ -37,8 +41,8 @@ class WaitingCommands(Generic[C]):
     def withdraw(self, command: C) -> None:
         """Forget a command that was not ready; one that was dropped is no error."""
         if self._unready.pop(command, None) is not None:
-            self._waiting = [entry for entry in self._waiting if entry[2] is not command]
-            heapq.heapify(self._waiting)
+            self.queue = [entry for entry in self.queue if entry[2] is not command]
+            heapq.heapify(self.queue)
 
     def drop(self, is_void: Callable[[C], bool]) -> int:
         """Drop some of the waiting commands. Call `take_turn` afterwards, if one of them may have been not ready.
@@ -49,12 +53,12 @@ class WaitingCommands(Generic[C]):
         Returns:
             The number of dropped commands.
         """
-        kept = [entry for entry in self._waiting if not is_void(entry[2])]
-        num_dropped = len(self._waiting) - len(kept)
+        kept = [entry for entry in self.queue if not is_void(entry[2])]
+        num_dropped = len(self.queue) - len(kept)
         if num_dropped:
             self._unready = {command: due for command, due in self._unready.items() if not is_void(command)}
-            self._waiting = kept
-            heapq.heapify(self._waiting)
+            self.queue = kept
+            heapq.heapify(self.queue)
         return num_dropped
 
     def due(self, frame: int) -> list[C]:
@@ -67,13 +71,13 @@ class WaitingCommands(Generic[C]):
             The commands, in their order.
         """
         due: list[C] = []
-        while self._waiting and self._waiting[0][0] <= frame:
-            due.append(heapq.heappop(self._waiting)[2])
+        while self.queue and self.queue[0][0] <= frame:
+            due.append(heapq.heappop(self.queue)[2])
         return due
 
     def waiting(self) -> list[tuple[int, C]]:
         """Return the commands that wait with their frames, in the order in which they will be carried out."""
-        return [(frame, command) for frame, _, command in sorted(self._waiting, key=lambda entry: entry[:2])]
+        return [(frame, command) for frame, _, command in sorted(self.queue, key=lambda entry: entry[:2])]
 
     @property
     def has_unready(self) -> bool:
