@@ -30,11 +30,11 @@ from collections.abc import Callable
 
 from rosbridge_sim.world import scoring as score
 from rosbridge_sim.world.contacts import collisions, impacts
-from rosbridge_sim.world.followers.careful_driving import mind_the_path
+from rosbridge_sim.world.followers.careful_driving import INTERVAL, PATH_OFFSET, mind_the_path
 from rosbridge_sim.world.followers.lane_following import drive_lanes
 from rosbridge_sim.world.followers.path_following import follow_paths
 from rosbridge_sim.world.followers.waiting import start
-from rosbridge_sim.world.people.people import walk
+from rosbridge_sim.world.people.people import WALK_OFFSET, walk
 from rosbridge_sim.world.state.standing import stand
 from rosbridge_sim.world.state.world import DT, World
 from rosbridge_sim.world.vehicle.dynamics import drive
@@ -54,8 +54,10 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     world.signals.advance(world.frame + 1)
     start(world)
     drive_lanes(world, DT)
-    mind_the_path(world)
-    walk(world)
+    if world.frame % INTERVAL == PATH_OFFSET:
+        mind_the_path(world)
+    elif world.frame % INTERVAL == WALK_OFFSET:
+        walk(world)
     follow_paths(world, DT)
     if world.has_impacts:
         impacts.slide(world, DT)

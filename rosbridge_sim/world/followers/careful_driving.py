@@ -17,12 +17,12 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["mind_the_path"]
+__all__ = ["INTERVAL", "PATH_OFFSET", "mind_the_path"]
 
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers; it falls one frame after theirs, which spreads the load."""
 
-_OFFSET: Final = 1
+PATH_OFFSET: Final = 1
 _SECONDS: Final = INTERVAL * DT
 
 ACCEL: Final = 1.5
@@ -49,13 +49,11 @@ PERSON_MARGIN: Final = 1.0
 
 
 def mind_the_path(world: World) -> None:
-    """Have the vehicles decide, on the frames of decision.
+    """Have the vehicles decide; called on the frames of decision.
 
     Args:
         world: written in place.
     """
-    if world.frame % INTERVAL != _OFFSET:
-        return
     careful = world.derived(_Careful)
     if len(careful.rows):
         careful.decide()

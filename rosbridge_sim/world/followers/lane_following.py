@@ -94,7 +94,7 @@ def drive_lanes(world: World, dt: float) -> None:
     followers = world.derived(_LaneFollowers)
     if not followers.num:
         return
-    has_motion = len(followers.egos) > 0 and world.dynamics == Dynamics.SINGLE_TRACK
+    has_motion = len(followers.egos.rows) > 0 and world.dynamics == Dynamics.SINGLE_TRACK
     saved = followers.egos.save_motion() if has_motion else None
     if world.frame % DECISION == 0:
         followers.decide()
@@ -213,7 +213,7 @@ class _LaneFollowers:
         """Choose the accelerations until the next decision."""
         world, at = self.world, self.at
         self._beside = None
-        if len(self.egos):
+        if len(self.egos.rows):
             self.egos.project()
             self._advance_lanes(self.egos.index)
         drivers = self.drivers()
@@ -229,7 +229,7 @@ class _LaneFollowers:
             self.shifted = find_shifted(world, at)
             lanes = of_rows(world.int_block("lane", "ahead_5"), at)
         accel = drivers.accel + self.response * (wanted - drivers.accel)
-        if len(self.egos):  # their pedals have a lag of their own
+        if len(self.egos.rows):  # their pedals have a lag of their own
             index = self.egos.index
             accel[index] = wanted[index]
             self.egos.command(lanes[:, index], wanted[index])
@@ -308,7 +308,7 @@ class _LaneFollowers:
     def move(self, dt: float) -> None:
         """Move along the legs by `dt` [s]; `dynamics` moves the self-driving egos."""
         world, at = self.world, self.at
-        saved = self.egos.save_poses() if len(self.egos) else None
+        saved = self.egos.save_poses() if len(self.egos.rows) else None
         accel, _, yaw_rate, x, y, yaw, speed, z, arc, leg_start, leg_end, *leg = columns = self._columns()
         after = speed + accel * dt
         is_stopping = after < 0.0

@@ -136,9 +136,6 @@ class SelfDrivingEgos:
         self.index: IntArray = (world.kind[followers] == Kind.EGO).nonzero()[0]
         self.rows = followers[self.index]
 
-    def __len__(self) -> int:
-        return len(self.index)
-
     def project(self) -> None:
         """Set each arc length to the point of the lane's line beside the ego. It may be beyond the lane's end."""
         world, rows = self._world, self.rows

@@ -28,12 +28,12 @@ from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["COMMITTED", "find_ways_over", "walk"]
+__all__ = ["COMMITTED", "WALK_OFFSET", "find_ways_over", "walk"]
 
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers, and two frames after theirs, to spread the load."""
 
-_OFFSET: Final = 2
+WALK_OFFSET: Final = 2
 _SECONDS: Final = INTERVAL * DT
 
 COMMITTED: Final = 2
@@ -138,13 +138,11 @@ STANDS: Final = 0.05
 
 
 def walk(world: World) -> None:
-    """Have the pedestrians that heed others decide, on the frames of decision.
+    """Have the pedestrians that heed others decide; called on the frames of decision.
 
     Args:
         world: written in place.
     """
-    if world.frame % INTERVAL != _OFFSET:
-        return
     people = world.derived(_People)
     if people.num:
         people.decide()
