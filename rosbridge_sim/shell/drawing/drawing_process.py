@@ -30,8 +30,8 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
 __all__ = ["DrawingError", "DrawingProcess", "main"]
 
-LIBRARIES: Final = {"cameras": ("moderngl", "simplejpeg"), "lidars": ("embreex",)}
-"""What is drawn -> libraries of the extra `sensors`."""
+LIBRARIES: Final = {"pictures": ("cameras", "moderngl", "simplejpeg"), "rays": ("lidars", "embreex")}
+"""Field of `Makers` -> the sensors that need it, and libraries of the extra `sensors`."""
 
 MAX_ENDS: Final = 3
 """A process that has ended so often in a row, with no job done, is started again only after `PAUSE`."""
@@ -69,11 +69,12 @@ class DrawingProcess:
 
     def why_not(self, specs: Sequence[DrawnSpec]) -> str:
         """Return which library is missing for some sensors; see `SensorWorker`."""
-        nouns = [noun for noun in LIBRARIES if any(spec.noun == noun for spec in specs)]
-        missing = [name for noun in nouns for name in LIBRARIES[noun] if find_spec(name) is None]
+        used = [needed for maker, needed in LIBRARIES.items() if any(spec.maker == maker for spec in specs)]
+        missing = [name for _, *names in used for name in names if find_spec(name) is None]
         if not missing:
             return ""
-        return f"{' and '.join(nouns)} need the library {missing[0]}: pip install 'rosbridge-sim[sensors]'"
+        what = " and ".join(noun for noun, *_ in used)
+        return f"{what} need the library {missing[0]}: pip install 'rosbridge-sim[sensors]'"
 
     def open(self, specs: Sequence[DrawnSpec]) -> None:
         """Make what draws for some sensors now.
@@ -256,5 +257,5 @@ def _answer(request: Any, makers: Makers) -> Sequence[Sighting] | None:  # noqa:
     if isinstance(request, DrawingJob):
         return draw(request, makers)
     for spec in request:
-        spec.open(makers)
+        getattr(makers, spec.maker)()
     return None

@@ -7,7 +7,7 @@ same job gives the same bytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Protocol
+from typing import ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import PictureMaker, RayMaker, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource
@@ -59,14 +58,10 @@ class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
     """A sensor that needs the scene as triangles.
 
     Attributes:
-        noun: `cameras` or `lidars`: which libraries draw it.
+        maker: field of `Makers` that draws it.
     """
 
-    noun: ClassVar[str]
-
-    def open(self, makers: Makers) -> None:
-        """Make what draws it."""
-        raise NotImplementedError
+    maker: ClassVar[Literal["pictures", "rays"]]
 
     def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Sighting:
         """Return what it sees.
@@ -78,10 +73,6 @@ class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
             makers: draw.
         """
         raise NotImplementedError
-
-    def read(self, shared: SensorContext, ego: Ego, number: int) -> Struct | None:  # noqa: ARG002 - for kinds that have some
-        """Return a message that needs no result; see `SensorSpec.read`."""
-        return None
 
     def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:
         """Return the message of a result on one of the topics.

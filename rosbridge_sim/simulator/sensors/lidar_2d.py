@@ -98,16 +98,8 @@ class Lidar2dSpec(LidarSpec, frozen=True, kw_only=True):
         period = 1.0 / self.rate
         first = -step * self.ahead
         return shared.once(_maker)(
-            header,
-            first,
-            first + step * (self.num_values - 1),
-            step,
-            period / self.num_values,
-            period,
-            self.min_range,
-            self.max_range,
-            result.ranges,
-            result.intensities,
+            *(header, first, first + step * (self.num_values - 1), step, period / self.num_values, period),
+            *(self.min_range, self.max_range, result.ranges, result.intensities),
         )
 
 

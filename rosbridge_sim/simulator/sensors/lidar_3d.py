@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Annotated, Any, ClassVar, Final, Literal
 
@@ -54,26 +55,15 @@ class Cloud(Sighting, eq=False):
     file: bytes = b""
 
 
-class _Maker:
-    """What makes the messages of all 3D lidars of a simulator."""
-
-    def __init__(self, store: Store) -> None:
-        self._cloud = maker(
-            store,
-            Lidar3dSpec.type_name,
-            *("header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense"),
-        )
-        field = maker(store, "sensor_msgs/PointField", "name", "offset", "datatype", "count")
-        assert POINT_TYPE.fields is not None, "it has fields"
-        self._fields = [
-            field(name, POINT_TYPE.fields[name][1], _UINT16 if name == "ring" else _FLOAT32, 1)
-            for name in POINT_TYPE.names or ()
-        ]
-
-    def make(self, header: Struct, cloud: Cloud) -> Struct:
-        """Return the PointCloud2 of a turn."""
-        step = POINT_TYPE.itemsize
-        return self._cloud(header, 1, cloud.num, self._fields, False, step, step * cloud.num, cloud.data, True)  # noqa: FBT003 - fields of the message
+def _maker(store: Store) -> Callable[[Struct, Cloud], Struct]:
+    """Return what makes the PointCloud2 of a turn."""
+    names = ("header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense")
+    make = maker(store, Lidar3dSpec.type_name, *names)
+    field = maker(store, "sensor_msgs/PointField", "name", "offset", "datatype", "count")
+    parts, step = POINT_TYPE.fields, POINT_TYPE.itemsize
+    assert parts is not None, "it has fields"
+    fields = [field(name, parts[name][1], _UINT16 if name == "ring" else _FLOAT32, 1) for name in parts]
+    return lambda header, cloud: make(header, 1, cloud.num, fields, False, step, step * cloud.num, cloud.data, True)  # noqa: FBT003 - fields of the message
 
 
 class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
@@ -161,7 +151,7 @@ class Lidar3dSpec(LidarSpec, frozen=True, kw_only=True):
     def show(self, shared: SensorContext, number: int, header: Struct, result: Sighting) -> Struct | None:  # noqa: ARG002 - all have one message
         """Return the message of a turn; see `DrawnSpec.show`."""
         assert isinstance(result, Cloud), "it is of this kind"
-        return shared.once(_Maker).make(header, result)
+        return shared.once(_maker)(header, result)
 
 
 @lru_cache(maxsize=4)  # 34 MB each at most

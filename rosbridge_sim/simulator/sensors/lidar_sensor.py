@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.scenery.mesh import Mesh
@@ -10,7 +10,6 @@ from rosbridge_sim.scenery.pictures import EXTINCTION
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sight
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes
 from rosbridge_sim.simulator.sensors.lidar_sweep import FADING, Beams, Echoes, echoes_of, fade, sweep
-from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 
 __all__ = ["LidarSpec"]
 
@@ -18,7 +17,8 @@ __all__ = ["LidarSpec"]
 class LidarSpec(DrawnSpec, frozen=True, kw_only=True):
     """A lidar of any kind."""
 
-    noun: ClassVar[str] = "lidars"
+    maker: ClassVar[Literal["pictures", "rays"]] = "rays"
+    noise_key: ClassVar[str] = "lidar"
 
     if TYPE_CHECKING:  # fields of each kind, behind its own
         min_range: float
@@ -35,14 +35,6 @@ class LidarSpec(DrawnSpec, frozen=True, kw_only=True):
             raise FieldError(
                 f"{self.frame_id}.min_range: expected less than max_range = {self.max_range:g}, got {self.min_range:g}"
             )
-
-    def lost_share(self, noise: SensorNoise) -> float:
-        """Return the share of the messages that are lost."""
-        return noise.lidar.lost
-
-    def open(self, makers: Makers) -> None:
-        """Make what casts rays."""
-        makers.rays()
 
     def _echoes(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Echoes:
         """Return the echoes of a turn."""

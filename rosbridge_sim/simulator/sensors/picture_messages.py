@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any, Final
 
 from rosbridge_sim.loose_types import Struct
@@ -10,7 +9,7 @@ from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.camera_geometry import CameraModel
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes
-from rosbridge_sim.simulator.sensors.vision_messages import VisionMessages, optical
+from rosbridge_sim.simulator.sensors.vision_messages import optical
 
 __all__ = ["BOXES", "PictureMessages"]
 
@@ -41,7 +40,6 @@ class PictureMessages:
         self._names = {name: name if name in info.__struct_fields__ else name.lower() for name in "DKRP"}
         self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._store = store
         self._boxes = maker(store, BOXES, "header", "boxes")
         self._box = maker(
             store,
@@ -49,11 +47,6 @@ class PictureMessages:
             *("unique_id", "label", "left", "top", "right", "bottom", "visibility"),
             *("center", "size", "forward", "up"),
         )
-
-    @cached_property
-    def vision(self) -> VisionMessages:
-        """Maker of the boxes as vision_msgs."""
-        return VisionMessages(self._store)
 
     def camera_info(self, header: Struct, camera: CameraModel, model: str) -> Struct:
         """Return the CameraInfo of a picture.

@@ -21,10 +21,9 @@ from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Maker
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_picture
 from rosbridge_sim.simulator.sensors.picture_messages import BOXES, PictureMessages
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
-from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Cost, Fov, Rate
 from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes, find_visible_boxes
-from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETECTIONS_3D
+from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETECTIONS_3D, VisionMessages
 
 __all__ = ["Coefficient", "PictureSpec", "Shot", "model_of"]
 
@@ -104,7 +103,8 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
     """
 
     is_picture: ClassVar[bool] = True
-    noun: ClassVar[str] = "cameras"
+    maker: ClassVar[Literal["pictures", "rays"]] = "pictures"
+    noise_key: ClassVar[str] = "camera"
     lens: ClassVar[str]
     jpeg_topic: ClassVar[str]
     rate: Rate = 30.0
@@ -161,14 +161,6 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
         """Name of its file in a capture; see `SensorSpec.file_name`."""
         return f"CAMERA_{self.frame_id}_{{}}.jpeg"
 
-    def lost_share(self, noise: SensorNoise) -> float:
-        """Return the share of the pictures that are lost."""
-        return noise.camera.lost
-
-    def open(self, makers: Makers) -> None:
-        """Make what draws pictures."""
-        makers.pictures()
-
     def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Shot:
         """Return the picture and its boxes; see `DrawnSpec.see`."""
         camera, pose, form = model_of(self), mount(sight.motion.vehicle, sight.motion.mounting), _FORMS[self.picture]
@@ -213,7 +205,7 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
             return None
         if number == _BOXES:
             return make.boxes(header, result.boxes)
-        return make.vision.detections_of(self.topics[number][1], header, result.boxes)
+        return shared.once(VisionMessages).detections_of(self.topics[number][1], header, result.boxes)
 
 
 @lru_cache(maxsize=8)  # 100 MB each at most, with distortion

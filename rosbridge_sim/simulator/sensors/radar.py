@@ -11,7 +11,6 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_radar
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarBeams, RadarEchoes, find_echoes
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
-from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, Rate, TopicName
 
 __all__ = ["RadarSpec"]
@@ -50,6 +49,7 @@ class RadarSpec(RadarBeams, frozen=True, kw_only=True):
     """
 
     kind: ClassVar[str] = "radar"
+    noise_key: ClassVar[str] = "radar"
     morai_noun: ClassVar[str] = "radar"
     morai_lists: ClassVar[tuple[str, ...]] = ("RadarList", "DelphiRadarList")
     type_name: ClassVar[str] = "morai_msgs/RadarDetections"
@@ -57,10 +57,6 @@ class RadarSpec(RadarBeams, frozen=True, kw_only=True):
     frame_id: FrameId = "radar"
     topic: TopicName = "/radar"
     rate: Rate = 20.0
-
-    def lost_share(self, noise: SensorNoise) -> float:
-        """Return the share of the messages that are lost."""
-        return noise.radar.lost
 
     def read(self, shared: SensorContext, ego: Ego, number: int) -> Struct | None:  # noqa: ARG002 - it has one topic
         """Return the echoes of this frame."""

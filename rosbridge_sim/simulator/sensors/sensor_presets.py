@@ -78,15 +78,13 @@ PRESETS: Final[Mapping[str, Rig]] = {
 """Rigs by name. The fisheye, and the level lidar and the radar of `all`, are at the front bumper of a usual car."""
 
 
-def _field(kind: type[SensorSpec]) -> tuple[str, Any, Any]:
-    if kind.is_on_each_ego:
-        return kind.kind, kind | None, None
-    return kind.kind, Annotated[tuple[kind, ...], Meta(max_length=MAX_SENSORS)], ()  # type: ignore[valid-type] # of the table
-
-
+_MANY: Final = Meta(max_length=MAX_SENSORS)
 SensorList: Final[Any] = msgspec.defstruct(
     "SensorList",
-    [_field(kind) for kind in KINDS],
+    [
+        (kind.kind, *((kind | None, None) if kind.is_on_each_ego else (Annotated[tuple[kind, ...], _MANY], ())))  # type: ignore[valid-type] # of the table
+        for kind in KINDS
+    ],
     bases=(Document,),
     namespace={"__doc__": "The sensors of an ego, by kind."},
     module=__name__,

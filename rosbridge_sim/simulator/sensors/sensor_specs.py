@@ -118,6 +118,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         is_on_each_ego: each ego has one, and it is published with the frame; `--rate` has its rate.
         is_picture: it has pictures, and so an optical frame.
         has_turns: a frame reads a bounded number of them, so that each has its turn.
+        noise_key: its errors in `SensorNoise`, if these have a share of lost messages.
         morai_noun, morai_lists: what it is called, and lists of a file of MORAI that have some.
     """
 
@@ -126,6 +127,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
     is_on_each_ego: ClassVar[bool] = False
     is_picture: ClassVar[bool] = False
     has_turns: ClassVar[bool] = False
+    noise_key: ClassVar[str] = ""
     morai_noun: ClassVar[str] = ""
     morai_lists: ClassVar[tuple[str, ...]] = ()
     x: _Metres = 0.0
@@ -190,11 +192,11 @@ class SensorSpec(Document, frozen=True, kw_only=True):
             reading.remarks.append(f"the rate of the {self.morai_noun} is that of the settings: {flag}")
         return place_of(item)
 
-    def lost_share(self, noise: SensorNoise) -> float:  # noqa: ARG002 - for kinds that lose some
+    def lost_share(self, noise: SensorNoise) -> float:
         """Return the share of the messages that are lost."""
-        return 0.0
+        return getattr(noise, self.noise_key).lost if self.noise_key else 0.0
 
-    def read(self, shared: SensorContext, ego: Ego, number: int) -> Struct | None:
+    def read(self, shared: SensorContext, ego: Ego, number: int) -> Struct | None:  # noqa: ARG002 - for kinds that have some
         """Return the message of this frame on one of the topics.
 
         Args:
@@ -205,7 +207,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         Returns:
             A generated struct; None if there is none, or none before the sensor is drawn.
         """
-        raise NotImplementedError
+        return None
 
     def file(self, shared: SensorContext, ego: Ego) -> bytes:
         """Return the contents of `file_name` at this frame; what is drawn has them in its result."""
