@@ -49,6 +49,9 @@ async def test_slider_takes_a_replay_to_another_place(serve: Serve, open_page: O
         await client.wait_for("/sim/replay", lambda replay: abs(replay["position"] - 0.5) < 0.1)
         await client.wait_for("/Ego_topic", lambda ego: ego["position"]["x"] < far - 1.0)
         await expect(page.get_by_text("0.5 / 4.0 s")).to_be_visible()
+        faster = {"sim_process_status": 2, "replay_option": 8, "replay_speed": 3}
+        await client.call("/Morai_SimProc", {"request": faster})
+        await expect(page.get_by_label("Speed", exact=True)).to_have_value("3")  # another client has set it
         await page.get_by_role("button", name="End", exact=True).click()
         await client.wait_for("/sim/replay", lambda replay: replay["state"] == "none")
     await expect(slider).to_be_disabled()

@@ -36,7 +36,7 @@ export function makeHeaderValues({ connection, time, drivers, ego, scene, showTa
     const words = [timeStateText(time.state, texts.time.states), paceText(time.state, time.factor, texts.time)];
     setText(state, isKnown ? words.filter(Boolean).join(", ") : "");
     state.dataset.kind = isLedByOthers(time.state) ? "led" : kind;
-    setText(master, kind === "synchronous" ? texts.time.master(name || texts.time.noMaster) : "");
+    setText(master, isKnown && name ? texts.time.master(name) : "");
     setText(frame, isKnown ? texts.time.headerFrame(number) : "");
     const one = drivers.ofEgo(ego.number);
     setText(driver, one ? texts.ego.headerDriver(driverText(one, drivers, texts.ego)) : "");

@@ -1,7 +1,7 @@
 // Replays: play a recording of the server, with a slider for the place in it.
 
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
-import { element, replaceChildren } from "../widgets/dom.js";
+import { chooseNumber, element, replaceChildren } from "../widgets/dom.js";
 import { Scrubber } from "../widgets/scrubber.js";
 import { REPLAY_COMMANDS } from "../wire/requests.js";
 
@@ -19,7 +19,7 @@ const NO_REPLAY = Object.freeze({ state: "none", name: "", duration: 0, position
 export function makeReplayControls({ connection, files, time, timeControls: controls, texts: { time: texts } }) {
   const notice = new Notice();
   const file = element("select", {});
-  const speed = element("select", {}, ...SPEEDS.map((factor) => element("option", { value: String(factor) }, `${factor} ×`)));
+  const speed = element("select", {}, ...SPEEDS.map((factor) => element("option", { value: String(factor) }, texts.factorName(factor))));
   /** @type {Readonly<ReplayMessage>} */
   let replay = NO_REPLAY;
 
@@ -70,6 +70,9 @@ export function makeReplayControls({ connection, files, time, timeControls: cont
   /** @param {ReplayMessage} message */
   const take = (message) => {
     const isOther = message.name !== replay.name;
+    if (message.state !== "none" && message.speed !== replay.speed) { // another client may have set it
+      chooseNumber(speed, message.speed, texts.factorName);
+    }
     replay = message;
     if (isOther) {
       showFiles();

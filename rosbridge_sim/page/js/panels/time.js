@@ -2,7 +2,7 @@
 
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
 import { askUser } from "../widgets/dialog.js";
-import { element, setText } from "../widgets/dom.js";
+import { chooseNumber, element, setText } from "../widgets/dom.js";
 import { makeReplayControls } from "./replay.js";
 import { makeScenarioList } from "./scenarios.js";
 import { makeSnapshotList } from "./snapshots.js";
@@ -43,7 +43,8 @@ function section(title, content, id) {
 function makeFigures({ time, texts: { time: texts } }) {
   const words = element("span", { role: "status" });
   const pace = element("span", {}); // it changes all the time, and a screen reader is not to tell of that
-  const state = element("p", { className: "time-state" }, words, pace);
+  const leader = element("span", { role: "status" });
+  const state = element("p", { className: "time-state" }, words, pace, leader);
   const names = /** @type {const} */ (["frame", "simTime", "timeStep", "ticks", "factor", "members"]);
   const values = names.map((name) => ({ name, value: element("dd", {}), label: element("dt", {}, texts.figures[name]) }));
   const list = element("dl", { className: "figures" }, ...values.map(({ label, value }) => element("div", {}, label, value)));
@@ -52,8 +53,9 @@ function makeFigures({ time, texts: { time: texts } }) {
     const { factor } = time;
     const isInSteps = kind === "synchronous";
     const pacing = paceText(time.state, factor, texts);
-    setText(words, timeStateText(time.state, texts.states) + (isInSteps ? `, ${texts.master(master || texts.noMaster)}` : ""));
+    setText(words, timeStateText(time.state, texts.states));
     setText(pace, pacing && `, ${pacing}`);
+    setText(leader, isInSteps ? `. ${texts.master(master || texts.noMaster)}` : "");
     state.dataset.kind = isLedByOthers(time.state) ? "led" : kind;
     /** @type {Record<string, string>} */
     const shown = {
@@ -145,10 +147,7 @@ function makeFactor({ time, drivers, timeControls: controls, texts: { time: text
     const factor = drivers.message?.real_time_factor ?? inForce;
     if (factor !== inForce) { // what the user has chosen meanwhile stays
       inForce = factor;
-      if (![...choice.options].some(({ value }) => value === String(factor))) {
-        choice.append(element("option", { value: String(factor) }, texts.factorName(factor)));
-      }
-      choice.value = String(factor);
+      chooseNumber(choice, factor, texts.factorName);
     }
   });
   return element("div", { className: "button-row" }, labelled(texts.factor, choice), set.element);

@@ -77,6 +77,14 @@ export function closeButton(title, onclick) {
   return element("button", { type: "button", className: "close", title, "aria-label": title, onclick }, "×");
 }
 
+/** Choose a value of a list of numbers, which gets it if it has not. @param {HTMLSelectElement} select @param {number} value @param {(value: number) => string} name */
+export function chooseNumber(select, value, name) {
+  if (![...select.options].some((option) => option.value === String(value))) {
+    select.append(element("option", { value: String(value) }, name(value)));
+  }
+  select.value = String(value);
+}
+
 /** Have the browser save a file. @param {string} name @param {Blob} blob */
 export function saveFile(name, blob) {
   const url = URL.createObjectURL(blob);
