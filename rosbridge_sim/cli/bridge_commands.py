@@ -22,6 +22,7 @@ from rosbridge_sim.cli.bridge_flags import (
     with_bridge,
 )
 from rosbridge_sim.cli.command_line import (
+    LazyTool,
     Options,
     command_of,
     make_number,
@@ -32,7 +33,10 @@ from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import PREFIX, Parser
 
 if TYPE_CHECKING:
+    from rosbridge_sim.cli.tools import service, topic
     from rosbridge_sim.cli.tools.tool_client import Bridge
+else:
+    service, topic = LazyTool("service"), LazyTool("topic")
 
 __all__ = ["run_layout", "run_service", "run_topic", "run_wait"]
 
@@ -45,8 +49,6 @@ _window = make_number(2, 1e6, "a number from 2 to 1,000,000", int)
 
 def run_topic(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim topic`."""
-    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415 - not before the command is known; the same below
-
     group, add, row = bridge_group("topic", "Topics of a rosbridge: list, show, measure and publish.")
 
     def list_topics(bridge: Bridge, o: Options) -> Awaitable[int]:
@@ -153,8 +155,6 @@ def _add_type(parser: Parser) -> None:
 
 
 def _echo(options: Options) -> int:
-    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415
-
     try:
         path = None if options.field is None else topic.FieldPath(options.field)
     except ValueError:
@@ -183,8 +183,6 @@ def _measure(options: Options) -> int:
 
 
 def _publish(options: Options) -> int:
-    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415
-
     values = [read_body(text, "MESSAGE") for text in options.message]
     msg = {} if not values else values[0] if len(values) == 1 and isinstance(values[0], dict) else None
     is_kept = options.latch and options.rate is None and options.count is None
@@ -212,8 +210,6 @@ def _publish(options: Options) -> int:
 
 def run_service(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim service`."""
-    from rosbridge_sim.cli.tools import service  # noqa: PLC0415
-
     absent = {
         "args": "rosbridge-sim service info shows the fields of the request",
         "uri": "a service behind a rosbridge has no address of its own; rosbridge-sim service node shows its node",
@@ -267,8 +263,6 @@ def run_service(argv: Sequence[str]) -> int:
 
 
 def _call(options: Options) -> int:
-    from rosbridge_sim.cli.tools import service  # noqa: PLC0415
-
     kind = take_type(options.words)
     values = [read_body(text, "REQUEST") for text in options.words]
     args = {} if not values else values[0] if len(values) == 1 and isinstance(values[0], (dict, list)) else values

@@ -12,6 +12,7 @@ import errno
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from io import TextIOWrapper
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "OUTPUT_LOST",
+    "LazyTool",
     "Options",
     "add_definitions",
     "add_json",
@@ -94,6 +96,20 @@ def drop_output() -> None:
 
 
 # Common flags
+
+
+class LazyTool:
+    """A module of `cli.tools` that is imported when its command runs: help needs no connection.
+
+    Args:
+        name: of the module.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(import_module(f"rosbridge_sim.cli.tools.{self._name}"), name)
 
 
 def command_of(name: str, run: Callable[[Options], int], text: str, epilog: str | None = None) -> Parser:

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Sequence
+from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.bridge_flags import add_bridge, add_count, add_types, bridge_group, take_type, with_bridge
-from rosbridge_sim.cli.command_line import Options, run_command
+from rosbridge_sim.cli.command_line import LazyTool, Options, run_command
 from rosbridge_sim.cli.tools.text import read_body
-from rosbridge_sim.cli.tools.tool_client import Bridge
 from rosbridge_sim.errors import SettingError
+
+if TYPE_CHECKING:
+    from rosbridge_sim.cli.tools import action, node, param
+    from rosbridge_sim.cli.tools.tool_client import Bridge
+else:
+    action, node, param = map(LazyTool, ("action", "node", "param"))
 
 __all__ = ["run_action", "run_node", "run_param"]
 
 
 def run_node(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim node`."""
-    from rosbridge_sim.cli.tools import node  # noqa: PLC0415 - not before the command is known; the same below
-
     alone = "a rosbridge cannot reach a single node"
     absent = {
         "ping": f"{alone}; rosbridge-sim wait tells if the rosbridge answers",
@@ -48,8 +52,6 @@ def run_node(argv: Sequence[str]) -> int:
 
 def run_param(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim param`."""
-    from rosbridge_sim.cli.tools import param  # noqa: PLC0415
-
     text = "Parameters of a rosbridge. NAME is /ns/x (ROS 1) or /node:x (ROS 2); a node may stand before it."
     absent = {"load": "a rosbridge reads no files; rosbridge-sim param set sets one value"}
     group, add, row = bridge_group("param", text, absent)
@@ -112,8 +114,6 @@ def _with_words(work: Callable[[Bridge, Options], Awaitable[int]], words: str) -
 
 def run_action(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim action`."""
-    from rosbridge_sim.cli.tools import action  # noqa: PLC0415
-
     group, add, row = bridge_group("action", "Actions of a rosbridge: list, show, and send goals.")
 
     parser = row(
@@ -148,13 +148,13 @@ def run_action(argv: Sequence[str]) -> int:
 
 
 def _send_goal(options: Options) -> int:
-    from rosbridge_sim.cli.tools.action import send_goal  # noqa: PLC0415
-
     kind = take_type(options.words)
     goal = read_body(" ".join(options.words) or "{}", "GOAL")
     if not isinstance(goal, dict):
         raise SettingError(f"GOAL: expected an object such as '{{order: 5}}'; got {goal!r}")
     return with_bridge(
         options,
-        lambda bridge: send_goal(bridge, options.name, kind, goal, has_feedback=options.feedback, is_json=options.json),
+        lambda bridge: action.send_goal(
+            bridge, options.name, kind, goal, has_feedback=options.feedback, is_json=options.json
+        ),
     )
