@@ -40,6 +40,10 @@ SIDES: Final = (
 own ones (forward, left, up), and their signs."""
 
 
+_SIDE_OF: Final = np.array([(0, 5), (1, 2), (3, 4)])
+"""For each axis the side that is ahead on it, and the one that is behind."""
+
+
 class PlaneView:
     """A plane picture, and the pixels of the bent one that show it.
 
@@ -153,8 +157,9 @@ def _sides(camera: CameraModel, rays: FloatArray) -> Sequence[PlaneView]:
     focal = min(SHARPNESS * camera.focal, 0.5 * math.isqrt(MAX_PIXELS) - MARGIN - 1.0)
     size = 2 * math.ceil(focal + MARGIN)
     plain = CameraModel(size, size, 2.0 * math.degrees(math.atan(size / (2.0 * focal))))
-    ahead = np.column_stack([rays[:, order[0]] * signs[0] for order, signs in SIDES])
-    nearest = np.where(np.isfinite(rays[:, 0]), ahead.argmax(axis=1), -1)
+    axis = np.abs(rays).argmax(axis=1)
+    is_back = np.take_along_axis(rays, axis[:, None], axis=1)[:, 0] < 0.0
+    nearest = np.where(np.isfinite(rays[:, 0]), _SIDE_OF[axis, is_back.astype(np.intp)], -1)
     views = []
     for number, (order, signs) in enumerate(SIDES):
         pixels = np.flatnonzero(nearest == number)
