@@ -22,6 +22,9 @@ _API_BLOCK: Final = re.compile(r"^::: ([\w.]+)\n(?:    .*\n?)*", re.MULTILINE)
 
 _API_TEXT: Final = r"`python -m pydoc \1` prints `\1`.\n\n"
 
+_MARK: Final = re.compile(r"^<!-- run: [\w-]+ -->\n", re.MULTILINE)
+"""A mark for the tests, which run the example below it."""
+
 
 def render_markdown(text: str, name: str, pages: frozenset[str], images: frozenset[str]) -> str:
     """Return a page as HTML, without the frame around it.
@@ -42,7 +45,7 @@ def render_markdown(text: str, name: str, pages: frozenset[str], images: frozens
     anchors = _Anchors()
     tokens: list[Token] = []
     heading: Token | None = None
-    for token in markdown.parse(_API_BLOCK.sub(_API_TEXT, text)):
+    for token in markdown.parse(_MARK.sub("", _API_BLOCK.sub(_API_TEXT, text))):
         _set_classes(token)
         if token.type == "heading_open":
             heading = token

@@ -21,6 +21,10 @@ def test_html_of_a_text_is_shown_as_it_is_written(text: str) -> None:
     assert not any(sign in html for sign in ("<script", "<b", "<!--", "<i>"))
 
 
+def test_marks_for_the_tests_are_not_shown() -> None:
+    assert render("a\n\n<!-- run: first -->\n```python\nx\n```\n") == render("a\n\n```python\nx\n```\n")
+
+
 @pytest.mark.parametrize(
     ("href", "target"),
     [
