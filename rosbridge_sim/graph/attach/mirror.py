@@ -262,7 +262,8 @@ class Mirror(FarSide):
         if topic is None:
             self.note_now(logging.WARNING, f"it sent a message of {op.topic}, which has no subscription here")
             return
-        topic.check(op.msg)
+        if topic.limits is not None:
+            topic.limits.check(topic.name, op.msg, "message")
         value = decode_body(topic.type, op.msg, self.bus.stamp_ns)
         self.bus.publish(self, topic, Message(topic.type, value), now)
 
