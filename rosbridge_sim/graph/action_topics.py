@@ -74,6 +74,7 @@ class ActionTopics:
         topic = self._status.get(action)
         if topic is not None and topic.has_listener:
             self._changed[action] = None
+            self._state.agenda.announce(0.0)  # at once
 
     def report(self, goal: Goal, values: Message, now: float) -> None:
         """See `GoalTopics`."""

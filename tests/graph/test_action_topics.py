@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from base64 import b64decode
 from typing import Any
 
@@ -26,6 +27,7 @@ class Action:
     def __init__(self, policy: Policy = OPEN, type_name: str = FIBONACCI) -> None:
         self.bus = Bus(make_store(2))
         self.bus.stamp_ns = 7 * 10**9 + 5
+        self.bus.agenda.first = math.inf
         self.provider, self.caller, self.listener = (Wire(self.bus, policy) for _ in range(3))
         self.type_name = type_name
         self.provider.says(op="advertise_action", action="/fib", type=type_name)
@@ -43,7 +45,8 @@ class Action:
 
     def turn(self) -> list[list[int]]:
         """Let a turn of the loop end, and return the status messages of it, each as the status of all goals."""
-        while self.bus.next_deadline() == 0.0:
+        while self.bus.agenda.first <= 0.0 and self.bus.next_deadline() == 0.0:
+            self.bus.agenda.first = math.inf  # as the scheduler does, which asks only then
             self.bus.expire(0.0)
         frames = [frame for frame in self.listener.hears() if frame["topic"] == STATUS]
         return [[each["status"] for each in frame["msg"]["status_list"]] for frame in frames]

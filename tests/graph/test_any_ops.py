@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from typing import Any
 
@@ -68,6 +69,7 @@ class FuzzedBus:
         self.sent: list[Counter[str]] = [Counter() for _ in range(3)]
         self.got: list[Counter[str]] = [Counter() for _ in range(3)]
         self.now = 0.0
+        self.bus.agenda.first = math.inf
 
     def send(self, who: int, frame: dict[str, Any]) -> None:
         self.clients[who][0].receive(json.dumps(frame).encode(), self.now)
@@ -117,6 +119,8 @@ def test_any_ops_of_three_clients_leave_the_bus_consistent(acts: list[tuple[int,
     room = FuzzedBus()
     for who, act in acts:
         room.act(who, act)
+        due = room.bus.next_deadline()
+        assert due is None or room.bus.agenda.first <= due, "the scheduler would not know"
         for sent, got in zip(room.sent, room.got, strict=True):
             assert got["service_response"] <= sent["call_service"]
             assert got["action_result"] <= sent["send_action_goal"]
