@@ -69,6 +69,14 @@ class RemoteWorlds(SteppedWorlds):
             self._client.close()
             raise
 
+    def __reduce_ex__(self, protocol: Any) -> Any:  # noqa: ANN401 - Python's own form
+        """Refuse to be copied or pickled.
+
+        Raises:
+            TypeError: always.
+        """
+        raise TypeError("the world of a server cannot be copied or pickled: save it there, with Client.snapshot")
+
     def close(self) -> None:
         """End synchronous mode and the connection."""
         if self._client.is_connected:

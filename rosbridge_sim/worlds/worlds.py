@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, Literal
+from typing import Any, Final, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.files.library import DiskLibrary
@@ -18,6 +19,7 @@ from rosbridge_sim.world.demand import stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
+from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Kind
 from rosbridge_sim.worlds.argument_checks import check_number
@@ -39,7 +41,8 @@ class Worlds(SteppedWorlds):
     World w does what `rosbridge-sim --scenario SCENARIO --seed SEED --traffic N --start-mode external` does with the
     seed of w and the same commands, to the bit. Arrays have the shape (num_worlds, num_egos): num_egos is the greatest
     number of egos of any world, and mostly 1. All numbers are SI and radians. Places are in the frame of the map: x
-    east, y north, z up; yaw counter-clockwise from east.
+    east, y north, z up; yaw counter-clockwise from east. `copy.deepcopy` and `pickle` give worlds that go on as these
+    do, to the bit.
 
     Attributes:
         num_worlds: number of worlds.
@@ -105,11 +108,47 @@ class Worlds(SteppedWorlds):
             self._scenes.append(one)
         self._library = library
         self._names = keys
+        self._options: dict[str, Any] = {
+            "scenario": [opened[key] for key in keys],
+            "traffic": traffic,
+            "egos": egos,
+            "vehicle": vehicle,
+            "dynamics": dynamics,
+            "impacts": impacts,
+            "scores": scores,
+        }
         self._traffic: _ManyTraffics | None = None
         self._begins: dict[tuple[str, int], SavedScene] = {}
         super().__init__([one.world for one in self._scenes])
         self._set = WorldSet(self._worlds)
         self._set.settle()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Return worlds that go on as these do, to the bit. They share the library with its maps."""
+        del memo
+        return self._go_on({**self._options, "library": self._library}, self._names, self.seeds, self.save())
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what pickle keeps: scenarios and states. Maps are read again, by a library without folders."""
+        states = [(to_plain(each.world), each.next_uid, each.traffic) for each in self.save()]
+        return self._go_on, (self._options, self._names, self.seeds, states)
+
+    @classmethod
+    def _go_on(
+        cls, options: dict[str, Any], names: list[str], seeds: list[int], states: Sequence[SavedScene | tuple[Any, ...]]
+    ) -> Self:
+        """Return worlds that were copied or pickled."""
+        worlds = cls(**options, seed=seeds)
+        worlds._names = names
+        saved = []
+        for own, state in zip(worlds.save(), states, strict=True):
+            if not isinstance(state, SavedScene):
+                plain, next_uid, traffic = state
+                world = from_plain(plain, own.world.roads, own.world.signals.plan)
+                state = replace(own, world=world, next_uid=next_uid, traffic=traffic)  # noqa: PLW2901
+            saved.append(state)
+        worlds.load(saved)
+        return worlds
 
     # -- motion
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from functools import partial
 
 import numpy as np
@@ -80,6 +82,21 @@ def test_reset_takes_new_seeds() -> None:
         Worlds("loop", seed=7, traffic=4).digests()[0],
         Worlds("loop", seed=1, traffic=4).digests()[0],
     ]
+
+
+def test_copied_and_pickled_worlds_go_on_as_they_did() -> None:
+    worlds = Worlds(["loop", "roundabout"], seed=[3, 5], traffic=4)
+    worlds.step(PEDALS, 25)
+    copies = [copy.deepcopy(worlds), pickle.loads(pickle.dumps(worlds))]  # noqa: S301 - our own bytes
+    for each in (worlds, *copies):
+        each.step(None, 40)
+    assert worlds.digests() == copies[0].digests() == copies[1].digests()
+    for each in (worlds, *copies):
+        each.reset([False, True], [None, 8])
+        each.step(PEDALS, 5)
+    assert worlds.digests() == copies[0].digests() == copies[1].digests()
+    assert copies[1].seeds == [3, 8]
+    assert worlds.scores()["score_distance"].tolist() == copies[1].scores()["score_distance"].tolist()
 
 
 def test_saved_worlds_go_on_as_they_did() -> None:
