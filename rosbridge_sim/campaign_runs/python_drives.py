@@ -183,7 +183,7 @@ def _policy_decider(function: Callable[..., Any], scenario: str) -> Decide:
     """Return what gives the commands of a policy in one world.
 
     Args:
-        function: from the observation of `rosbridge_sim/Drive-v0`, (n,) float32, to its action, (2,) within -1..1.
+        function: from the observation `Lane` of the environments, (n,) float32, to its action, (2,) within -1..1.
         scenario: its name, or the path of its file.
     """
     # Here, since these need the extra `gym`, which campaigns without a policy do without.

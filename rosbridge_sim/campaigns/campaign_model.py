@@ -154,7 +154,7 @@ class DriverItem(_Item):
     policy: Annotated[
         _Text | None,
         Field(
-            description="the same: a function from the observation of `rosbridge_sim/LaneKeeping-v0` to its action;"
+            description="the same: a function from the observation of `rosbridge_sim/LaneKeeping-v1` to its action;"
             " needs the extra `gym`, too"
         ),
     ] = None

@@ -42,6 +42,10 @@ class EgoCameras:
         found = worlds.map_of(0)
         self._mesh = static_mesh(found.road_map, found.name, 0)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what a copy or pickle is made from: it draws by a renderer of its own."""
+        return EgoCameras, (self._worlds, self._model.width, self._model.height)
+
     def draw(self) -> npt.NDArray[Any]:
         """Return the pictures, (num_worlds, num_egos, height, width, 3) uint8; black where there is no ego."""
         shape = (*self._worlds.has_ego.shape, self._model.height, self._model.width, 3)

@@ -10,7 +10,6 @@ from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 
 from rosbridge_sim.environments.driving_vector_env import RENDER_MODES, DrivingVectorEnv
-from rosbridge_sim.environments.episodes import FPS
 from rosbridge_sim.environments.observations import Seen, pick
 
 __all__ = ["DrivingEnv"]
@@ -26,12 +25,13 @@ class DrivingEnv(Env[Seen, Any]):
         options: those of `DrivingTask`.
     """
 
-    metadata = {"render_modes": RENDER_MODES, "render_fps": FPS}  # noqa: RUF012 - Gymnasium's own form
+    metadata = {"render_modes": RENDER_MODES, "render_fps": 10}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:  # noqa: ANN401 - those of DrivingTask
         self._many = self._make_many(render_mode=render_mode, autoreset_mode=AutoresetMode.DISABLED, **options)
         self.task, self.worlds = self._many.task, self._many.worlds
         self.render_mode = render_mode
+        self.metadata = {"render_modes": RENDER_MODES, "render_fps": self._many.episodes.fps}
         self.observation_space = self._many.single_observation_space
         self.action_space = self._many.single_action_space
 

@@ -14,7 +14,10 @@ from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["ACTIONS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask", "read_task"]
+__all__ = ["ACTIONS", "EPISODE_STEPS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask", "read_task"]
+
+EPISODE_STEPS: Final = 400
+"""Steps until an episode is truncated, where nothing else is said: 40 s, with `frame_skip` 5."""
 
 CLEAR: Final = 25.0
 """Nothing else is within this distance of an ego that begins on `start_lane` [m]."""
@@ -25,6 +28,7 @@ WEIGHTS: Final = {
     "steering": 0.05,
     "failure": 10.0,
     "red_light": 0.0,
+    "near_miss": 0.0,
     "arrived": 0.0,
     "goal": 0.0,
 }
@@ -41,7 +45,7 @@ _GOALS: Final = ("", "lane", "bay")
 
 _WHOLE: Final = ("frame_skip", "num_starts", "num_others", "num_rays", "camera_width", "camera_height")
 
-_POSITIVE: Final = ("target_speed", "duration", "lidar_range", "grid_size", "grid_step")
+_POSITIVE: Final = ("target_speed", "lidar_range", "grid_size", "grid_step")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,10 +71,10 @@ class DrivingTask:
         reverses: a negative acceleration drives a standing ego backwards.
         target_speed: speed at which the reward for speed is greatest [m/s].
         target_speeds: that `DiscreteMeta` chooses from, rising [m/s]; empty for 1/2, 3/4, 1 and 5/4 of `target_speed`.
-        duration: time until an episode is truncated [s].
         frame_skip: frames of 20 ms in a step; a multiple of 5 is fastest.
         num_starts: episodes begin with so many seeds of the world; fewer need less memory.
         max_offset: an episode ends this far from the line of the lane [m]; inf for at the edge of the road alone.
+        max_distance: an episode with a bay ends this far from it [m].
         weights: of the terms of the reward, see `rewards.judge`; those that are not named stay as they are.
         reward: the user's function in place of these terms: `reward(worlds, judgement, actions)` returns the rewards of
             a step, (num_worlds,), with `judgement.reward` as that of the terms.
@@ -102,10 +106,10 @@ class DrivingTask:
     reverses: bool = False
     target_speed: float = 15.0
     target_speeds: tuple[float, ...] = ()
-    duration: float = 40.0
     frame_skip: int = 5
     num_starts: int = 64
     max_offset: float = math.inf
+    max_distance: float = math.inf
     weights: dict[str, float] = field(default_factory=dict)
     reward: Callable[[SteppedWorlds, Judgement, npt.NDArray[np.float64]], npt.ArrayLike] | None = None
     start_lane: str = ""
@@ -152,6 +156,8 @@ def read_task(options: Mapping[str, Any]) -> DrivingTask:
         ValueError: an option is out of range.
     """
     known = [each.name for each in fields(DrivingTask)]
+    if "duration" in options:
+        raise TypeError("duration: there is no such option; give max_episode_steps, the number of steps of an episode")
     for name in options:
         if name not in known:
             raise TypeError(f"{name}: there is no such option{hint(name, known)}")
@@ -177,16 +183,15 @@ def _check_numbers(task: DrivingTask) -> None:
         value, least = getattr(task, name), int(name != "traffic")
         if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
             raise ValueError(f"{name}: expected a whole number from {least} on, got {value!r}")
-    for name in _POSITIVE:
-        if not _finite(value := getattr(task, name)) > 0.0:
-            raise ValueError(f"{name}: expected a positive number, got {value!r}")
+    for name, bound in (*((name, "") for name in _POSITIVE), ("max_offset", " or inf"), ("max_distance", " or inf")):
+        value = getattr(task, name)
+        if not (_finite(value) > 0.0 or (bound and value == math.inf)):
+            raise ValueError(f"{name}: expected a positive number{bound}, got {value!r}")
     for name in ("start_speed", "goal_s"):
         if not _finite(value := getattr(task, name)) >= 0.0:
             raise ValueError(f"{name}: expected a number from 0 on, got {value!r}")
     if task.start_s is not None and math.isnan(_finite(task.start_s)):
         raise ValueError(f"start_s: expected a finite number or None, got {task.start_s!r}")
-    if task.max_offset != math.inf and not _finite(task.max_offset) > 0.0:
-        raise ValueError(f"max_offset: expected a positive number or inf, got {task.max_offset!r}")
     speeds = [_finite(value) for value in task.target_speeds]
     if speeds != sorted(set(speeds)) or not all(value > 0.0 for value in speeds):
         raise ValueError(f"target_speeds: expected rising positive numbers, got {task.target_speeds!r}")

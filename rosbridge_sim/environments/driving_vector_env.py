@@ -11,11 +11,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from rosbridge_sim.environments.driving_task import read_task
-from rosbridge_sim.environments.episodes import FPS, Episodes
+from rosbridge_sim.environments.episodes import Episodes
 from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.environments.observations import Seen, pick, space_of
-from rosbridge_sim.environments.rewards import goal_reward
+from rosbridge_sim.environments.rewards import goal_cost, stands_in_bay
 from rosbridge_sim.environments.top_view import draw
+from rosbridge_sim.worlds.argument_checks import check_number
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 from rosbridge_sim.worlds.worlds import Worlds
 
@@ -37,6 +38,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
     Args:
         num_envs: number of environments.
         render_mode: `rgb_array`, or `human` for a page in the browser that shows the first environment, or None.
+        max_episode_steps: steps after which an episode is truncated, as `make_vec` gives them; None for no end.
         autoreset_mode: when an environment that has ended begins again; see Gymnasium.
         options: those of `DrivingTask`.
 
@@ -51,22 +53,31 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         num_envs: int = 1,
         *,
         render_mode: str | None = None,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **options: Any,  # noqa: ANN401 - those of DrivingTask
     ) -> None:
         self.task = read_task(options)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": RENDER_MODES, "render_fps": FPS, "autoreset_mode": self.autoreset_mode}
+        if max_episode_steps is not None:
+            check_number("max_episode_steps", max_episode_steps)
+        self._max_steps = max_episode_steps
         if render_mode not in {None, *RENDER_MODES}:
             raise ValueError(f"render_mode: expected {', '.join(RENDER_MODES)} or None, got {render_mode!r}")
         self.worlds = self._make_worlds(num_envs)
         self.episodes = Episodes(self.worlds, self.task)
+        self.metadata = {"render_modes": RENDER_MODES, "render_fps": self.episodes.fps}
+        self.metadata["autoreset_mode"] = self.autoreset_mode
         self.single_observation_space = space_of(self.task, self.worlds)
         self.single_action_space = self.episodes.action.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._is_done = np.zeros(num_envs, dtype=bool)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or pickle has; it opens a page of its own."""
+        return {**self.__dict__, "_view": None}
 
     def _make_worlds(self, num: int) -> SteppedWorlds:
         return Worlds(self.task.scenario, num, seed=[0] * num, traffic=self.task.traffic)
@@ -82,13 +93,15 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
 
         Returns:
             Observations (num_envs, ...) and infos.
+
+        Raises:
+            ValueError: the mask or the seeds have another length, or a seed is negative. Nothing has changed.
         """
-        mask = np.ones(self.num_envs, dtype=bool)
-        if options is not None and "reset_mask" in options:
-            mask = np.asarray(options["reset_mask"])
-        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else seed
-        for i in mask.nonzero()[0].tolist() if seeds is not None else ():
-            if seeds is not None and (number := seeds[i]) is not None:
+        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, dtype=bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(f"reset_mask: expected bool of shape ({self.num_envs},), got {mask.dtype} {mask.shape}")
+        for i, number in enumerate(self._seeds(seed)):
+            if mask[i] and number is not None:
                 self.episodes.seed(i, number)
         self._begin(mask)
         self._show()
@@ -112,7 +125,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
             self._begin(begins)
         result = self.episodes.judge(chosen)
         terminated = result.is_over & ~begins
-        truncated = self.episodes.is_late() & ~begins & ~terminated
+        truncated = self.episodes.is_late(self._max_steps) & ~begins
         rewards = np.where(begins, 0.0, result.reward)
         infos = self._infos(result)
         self._is_done = terminated | truncated
@@ -145,12 +158,14 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
             info: of the step, or (n,) of them.
 
         Returns:
-            A number, or (n,): that of `step`, with the weights `goal` and `failure` alone.
+            A number, or (n,): that of `step`, with the weights `goal`, `arrived` and `failure` alone.
         """
         weights = self.task.all_weights
-        failed = [each["has_collided"] for each in np.atleast_1d(np.asarray(info, dtype=object))]
-        rewards = weights["goal"] * goal_reward(achieved_goal, desired_goal)
-        rewards = rewards - weights["failure"] * np.asarray(failed, dtype=np.float64).reshape(rewards.shape)
+        cost = goal_cost(achieved_goal, desired_goal)
+        failed = [each["has_collided"] or each["is_off_road"] for each in np.atleast_1d(np.asarray(info, dtype=object))]
+        is_failure = np.asarray(failed, dtype=bool).reshape(cost.shape)
+        has_arrived = stands_in_bay(achieved_goal, desired_goal) & ~is_failure
+        rewards = weights["goal"] * cost - weights["failure"] * is_failure + weights["arrived"] * has_arrived
         return float(rewards) if rewards.ndim == 0 else rewards
 
     @property
@@ -163,6 +178,22 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         if self._view is not None:
             self._view.close()
             self._view = None
+
+    def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        """Return a seed, or None, for each environment.
+
+        Raises:
+            ValueError: there are more or fewer, or something else.
+        """
+        if seed is None:
+            return [None] * self.num_envs
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else list(seed)
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"seed: expected {self.num_envs} seeds, one for each environment, got {len(seeds)}")
+        for number in seeds:
+            if number is not None and (not isinstance(number, int | np.integer) or number < 0):
+                raise ValueError(f"seed: expected whole numbers from 0 on, or None, got {number!r}")
+        return [None if number is None else int(number) for number in seeds]
 
     def _show(self) -> None:
         if self.render_mode == "human":

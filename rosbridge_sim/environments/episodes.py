@@ -18,11 +18,9 @@ from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 if TYPE_CHECKING:
     from rosbridge_sim.environments.camera import EgoCameras
 
-__all__ = ["FIRST_EGOS", "FPS", "Episodes"]
+__all__ = ["FIRST_EGOS", "Episodes"]
 
 BoolArray = npt.NDArray[np.bool_]
-
-FPS: Final = 10
 
 FIRST_EGOS: Final[Index] = (slice(None), 0)
 
@@ -104,9 +102,16 @@ class Episodes:
         """Return the observations, (n, ...)."""
         return pick(observe(self.worlds, self.task, self.starts.goals, self._cameras), self._at)
 
-    def is_late(self) -> BoolArray:
-        """Return which worlds have driven for the duration of an episode, (num_worlds,)."""
-        return np.asarray(self.worlds.frames * self.worlds.dt >= self.task.duration - 1e-9)
+    def is_late(self, max_steps: int | None) -> BoolArray:
+        """Return which worlds have driven for so many steps of an episode, (num_worlds,) bool; None for no end."""
+        if max_steps is None:
+            return np.zeros(self.worlds.num_worlds, dtype=bool)
+        return np.asarray(self.worlds.frames >= max_steps * self.task.frame_skip)
+
+    @property
+    def fps(self) -> float:
+        """Steps in a second of the world, for pictures and films [1/s]."""
+        return 1.0 / (self.worlds.dt * self.task.frame_skip)
 
     def figures(self, result: Judgement) -> dict[str, Any]:
         """Return what `infos` have of a judgement, (n,) each, and the figures of the score in `score`."""

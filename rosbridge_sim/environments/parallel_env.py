@@ -10,8 +10,8 @@ import numpy.typing as npt
 from gymnasium.spaces import Discrete, Space
 from pettingzoo import ParallelEnv
 
-from rosbridge_sim.environments.driving_task import read_task
-from rosbridge_sim.environments.episodes import FPS, Episodes
+from rosbridge_sim.environments.driving_task import EPISODE_STEPS, read_task
+from rosbridge_sim.environments.episodes import Episodes
 from rosbridge_sim.environments.judgement import Index
 from rosbridge_sim.environments.observations import Seen, pick, space_of
 from rosbridge_sim.environments.top_view import draw
@@ -32,9 +32,10 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
     """Egos that drive in one world, each by its own agent: `ego_0`, `ego_1`, ...
 
     Each has the observation, the action and the reward that an environment of one ego has. An ego whose episode has
-    ended brakes, and stays where it is. All episodes end after the duration.
+    ended brakes, and stays where it is.
 
     Args:
+        max_episode_steps: steps after which all episodes are truncated; None for no end.
         render_mode: `rgb_array` or None.
         options: those of `DrivingTask`; the egos begin on the lanes of `start_lane`, 25 m apart at least.
 
@@ -42,9 +43,16 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
         ValueError: an option is out of range.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": FPS, "name": "rosbridge_sim_drive"}  # noqa: RUF012
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 10, "name": "rosbridge_sim_drive"}  # noqa: RUF012
 
-    def __init__(self, num_egos: int = 4, *, render_mode: str | None = None, **options: Any) -> None:  # noqa: ANN401
+    def __init__(
+        self,
+        num_egos: int = 4,
+        *,
+        render_mode: str | None = None,
+        max_episode_steps: int | None = EPISODE_STEPS,
+        **options: Any,  # noqa: ANN401 - those of DrivingTask
+    ) -> None:
         defaults: dict[str, Any] = {"scenario": "town", "observation": "Kinematics", "lights": True}
         if "scenario" not in options:
             defaults |= {"start_lane": "R*L1", "start_s": None, "start_speed": 5.0, "target_speed": 10.0}
@@ -53,7 +61,8 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
             raise ValueError("start_lane: expected the lanes on which several egos begin, got ''")
         self.worlds = Worlds(self.task.scenario, seed=[0], traffic=self.task.traffic, egos=num_egos)
         self.episodes = Episodes(self.worlds, self.task, ALL_EGOS)
-        self.render_mode = render_mode
+        self.render_mode, self._max_steps = render_mode, max_episode_steps
+        self.metadata = {**self.metadata, "render_fps": self.episodes.fps}
         self.possible_agents = [f"ego_{i}" for i in range(num_egos)]
         self.agents: list[str] = []
         self._observation_spaces = {agent: space_of(self.task, self.worlds) for agent in self.possible_agents}
@@ -98,7 +107,7 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
         braking: Any = SLOWER if isinstance(self.episodes.action.space, Discrete) else (0.0, -1.0)
         chosen = [actions[agent] if agent in self.agents else braking for agent in self.possible_agents]
         result = self.episodes.judge(self.episodes.step(np.asarray(chosen)))
-        is_late = bool(self.episodes.is_late()[0])
+        is_late = bool(self.episodes.is_late(self._max_steps)[0])
         seen, infos = self._by_agent(self.episodes.observe()), self._infos(self.episodes.figures(result))
         rewards = self._by_agent(result.reward.tolist())
         terminated = self._by_agent(result.is_over.tolist())

@@ -9,17 +9,15 @@ import numpy.typing as npt
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import BoolArray, FloatArray, Index, Judgement
-from rosbridge_sim.environments.observations import achieved_goals, desired_goals
+from rosbridge_sim.environments.observations import GOAL_FIGURES, achieved_goals, desired_goals
 from rosbridge_sim.records import replace
 from rosbridge_sim.world.geometry.planar import wrap_angle
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["goal_reward", "judge"]
+__all__ = ["distance_to_goal", "goal_cost", "judge", "stands_in_bay"]
 
 GOAL_WEIGHTS: Final = (1.0, 1.0, 0.0, 0.0, 0.02, 0.02)
 """Weights of the differences to a goal in the reward: those of highway-env's parking, with both places alike."""
-
-POSE: Final = ("x", "y", "yaw", "speed", "centre")
 
 BAY_PLACE, BAY_HEADING, BAY_SPEED = 0.5, 0.2, 0.2
 """An ego stands in its bay if the middle of its body is this near to that of the bay [m], its heading this near to the
@@ -27,6 +25,12 @@ bay's [rad], and its speed at most this [m/s]: its sides are then within the 2.5
 
 WRONG_WAY_SPEED: Final = 0.5
 """A slower ego does not drive the wrong way [m/s]: it may be turning."""
+
+NEAR_MISS: Final = 1.5
+"""Least time to collision that is no near miss [s]: the bound for serious conflicts in studies since Hayward (1972)."""
+
+STANDING: Final = 0.5
+"""A slower ego has no near misses [m/s]: that others come near is not its doing."""
 
 
 def judge(
@@ -44,7 +48,8 @@ def judge(
     The reward is the sum of: `speed` * max(0, 1 - |v cos(h) / target_speed - 1|), with the heading h relative to the
     lane; -`offset` * min(|offset| / 2 m, 1); -`steering` * (first action)^2; -`failure` in the step of a collision, in
     which the ego has left the road, or drives the wrong way; -`red_light` for each red light passed in the step;
-    `arrived` in the step in which it arrives; and `goal` * `goal_reward`.
+    -`near_miss` * max(0, 1 - time to collision / 1.5 s) while it moves; `arrived` in the step in which it arrives; and
+    `goal` * `goal_cost`, which is negative.
 
     Args:
         worlds: after the step.
@@ -57,23 +62,22 @@ def judge(
     Raises:
         ValueError: the user's function has returned another shape.
     """
-    names = POSE if task.goal == "bay" else ("speed",)
-    egos = {name: values[at] for name, values in worlds.egos(names).items()}
     lanes = {name: values[at] for name, values in worlds.lanes().items()}
     scores = {name: values[at] for name, values in worlds.scores().items()}
-    speed, offset = egos["speed"], lanes["offset"]
+    speed, offset = worlds.egos(("speed",))["speed"][at], lanes["offset"]
     along = speed * np.cos(lanes["heading"])
     has_collided = scores["num_collisions"] > 0.0
     is_parking = task.goal == "bay"
-    is_off_road = ((scores["is_off_road"] > 0.0) & (not is_parking)) | (np.abs(offset) > task.max_offset)
+    is_off_road = (scores["is_off_road"] > 0.0) | (np.abs(offset) > task.max_offset)
     is_wrong_way = (along < -WRONG_WAY_SPEED) & (not is_parking)
     weights = task.all_weights
-    own_goals = goals[at]
     has_arrived = np.zeros(len(speed), dtype=bool)
     reward = np.zeros(len(speed))
     if is_parking:
-        has_arrived = _stands_in_bay(egos, own_goals)
-        reward += weights["goal"] * goal_reward(achieved_goals(worlds)[at], desired_goals(own_goals))
+        achieved, desired = achieved_goals(worlds)[at], desired_goals(goals[at])
+        is_off_road |= distance_to_goal(achieved, desired) > task.max_distance
+        has_arrived = stands_in_bay(achieved, desired)
+        reward += weights["goal"] * goal_cost(achieved, desired)
     elif task.goal:
         lane = lanes["lane"].astype(np.int64)
         has_arrived = (lane >= 0) & goal_lanes[np.arange(len(lane)), lane] & (lanes["s"] >= task.goal_s)
@@ -84,6 +88,8 @@ def judge(
     reward -= weights["steering"] * np.square(actions[:, 0])
     reward -= weights["failure"] * is_failure
     reward -= weights["red_light"] * (scores["num_red_lights"] - red_lights)
+    nearness = np.maximum(0.0, 1.0 - scores["time_to_collision"] / NEAR_MISS)
+    reward -= weights["near_miss"] * np.where(np.abs(speed) > STANDING, nearness, 0.0)
     reward += weights["arrived"] * has_arrived
     result = Judgement(
         *(reward, is_failure | has_arrived, has_collided, is_off_road, is_wrong_way, has_arrived),
@@ -97,21 +103,31 @@ def judge(
     return replace(result, reward=own)
 
 
-def goal_reward(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> FloatArray:
+def goal_cost(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> FloatArray:
     """Return minus the square root of the weighted distance of `GOAL_FIGURES`, (...,).
 
     Args:
         achieved: (..., 6) `achieved_goal` of the observation.
         desired: (..., 6) `desired_goal`.
     """
-    apart = np.abs(np.asarray(achieved, dtype=np.float64) - np.asarray(desired, dtype=np.float64))
+    apart = np.abs(_apart(achieved, desired))
     # No matrix product: its last bits depend on the number of rows.
     return np.asarray(-np.sqrt(sum(weight * apart[..., i] for i, weight in enumerate(GOAL_WEIGHTS))))
 
 
-def _stands_in_bay(egos: dict[str, FloatArray], goals: FloatArray) -> BoolArray:
-    """Return which egos stand in their bays, (n,)."""
-    x = egos["x"] + egos["centre"] * np.cos(egos["yaw"]) - goals[:, 0]
-    y = egos["y"] + egos["centre"] * np.sin(egos["yaw"]) - goals[:, 1]
-    is_there = (np.hypot(x, y) < BAY_PLACE) & (np.abs(wrap_angle(egos["yaw"] - goals[:, 2])) < BAY_HEADING)
-    return np.asarray(is_there & (np.abs(egos["speed"]) <= BAY_SPEED))
+def distance_to_goal(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> FloatArray:
+    """Return how far the middle of the body is from that of the bay, (...,) [m]; arguments as for `goal_cost`."""
+    apart = _apart(achieved, desired)
+    return np.asarray(GOAL_FIGURES["x"] * np.hypot(apart[..., 0], apart[..., 1]))
+
+
+def stands_in_bay(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> BoolArray:
+    """Return which egos stand in their bays, (...,) bool; arguments as for `goal_cost`."""
+    own, bay = np.asarray(achieved, dtype=np.float64), np.asarray(desired, dtype=np.float64)
+    turn = np.arctan2(own[..., 5], own[..., 4]) - np.arctan2(bay[..., 5], bay[..., 4])
+    is_there = (distance_to_goal(own, bay) < BAY_PLACE) & (np.abs(wrap_angle(turn)) < BAY_HEADING)
+    return np.asarray(is_there & (GOAL_FIGURES["vx"] * np.hypot(own[..., 2], own[..., 3]) <= BAY_SPEED))
+
+
+def _apart(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> FloatArray:
+    return np.asarray(achieved, dtype=np.float64) - np.asarray(desired, dtype=np.float64)

@@ -27,7 +27,7 @@ def make_vec_env(name: str, num_envs: int, **options: Any) -> Any:  # noqa: ANN4
     """Return environments for stable-baselines3.
 
     Args:
-        name: of an environment, such as `rosbridge_sim/Highway-v0`.
+        name: of an environment, such as `rosbridge_sim/Highway-v1`.
         num_envs: number of environments.
         options: those of `make_vec`.
 
@@ -35,14 +35,28 @@ def make_vec_env(name: str, num_envs: int, **options: Any) -> Any:  # noqa: ANN4
         ImportError: stable-baselines3 is not installed.
         ValueError: an option is out of range.
     """
+    adapter = _adapter()
+    register_all()
+    options = {"vectorization_mode": "vector_entry_point", "autoreset_mode": "SameStep", **options}
+    return adapter(gymnasium.make_vec(name, num_envs=num_envs, **options).unwrapped)
+
+
+def _adapter() -> type[Any]:
+    """Return the class of the environments.
+
+    Raises:
+        ImportError: stable-baselines3 is not installed.
+    """
     try:
         from stable_baselines3.common.vec_env import VecEnv  # noqa: PLC0415 - not a dependency: it brings torch
     except ImportError:
         raise ImportError("make_vec_env needs stable-baselines3: pip install stable-baselines3") from None
-    register_all()
-    options = {"vectorization_mode": "vector_entry_point", "autoreset_mode": "SameStep", **options}
-    envs = gymnasium.make_vec(name, num_envs=num_envs, **options).unwrapped
-    return type("RosbridgeVecEnv", (_Methods, VecEnv), {"__doc__": _Methods.__doc__})(envs)
+    return type("RosbridgeVecEnv", (_Methods, VecEnv), {"__doc__": _Methods.__doc__})
+
+
+def _adapt(envs: DrivingVectorEnv) -> Any:  # noqa: ANN401 - as `make_vec_env`
+    """Return environments that were pickled."""
+    return _adapter()(envs)
 
 
 class _Methods:
@@ -64,6 +78,10 @@ class _Methods:
         base: Any = super()  # the class of stable-baselines3, see `make_vec_env`
         base.__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what a copy or pickle is made from: the class is made anew, so pickle does not find it by its name."""
+        return _adapt, (self.envs,), self.__dict__
+
     def reset(self) -> Seen:
         """Begin new episodes; return the observations."""
         seeds = self._seeds if any(seed is not None for seed in self._seeds) else None
@@ -84,7 +102,8 @@ class _Methods:
         found = []
         for i in range(self.num_envs):
             if done[i]:
-                ended = {"terminal_observation": infos["final_obs"][i], "TimeLimit.truncated": bool(truncated[i])}
+                is_late = bool(truncated[i] and not terminated[i])
+                ended = {"terminal_observation": infos["final_obs"][i], "TimeLimit.truncated": is_late}
                 found.append({**_info(infos["final_info"], i), **ended})
             else:
                 found.append(_info(infos, i))

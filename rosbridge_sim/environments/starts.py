@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.environments.driving_task import CLEAR, DrivingTask
 from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.worlds.lanes_behind import find_lanes_behind
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["Starts"]
@@ -38,12 +39,16 @@ class Starts:
 
     def __init__(self, worlds: SteppedWorlds, task: DrivingTask) -> None:
         self._worlds, self._task = worlds, task
-        self._roads = worlds.world(0).roads.alone
         self._lanes = self._find("start_lane", task.start_lane)
         self._ends = self._find("goal_lane", task.goal_lane)
         self.goals = np.full((*worlds.has_ego.shape, 3), np.nan)
-        num = len(self._roads) if task.goal == "lane" else 0
+        num = len(self._map.roads.alone) if task.goal == "lane" else 0
         self.goal_lanes = np.zeros((*worlds.has_ego.shape, num), dtype=bool)
+
+    @property
+    def _map(self) -> World:
+        """A world, for its roads; no attribute, since a copy of the environment has its own."""
+        return self._worlds.world(0)
 
     def begin(self, number: int, rng: np.random.Generator) -> None:
         """Begin an episode of one world, which was reset.
@@ -61,10 +66,10 @@ class Starts:
         if task.goal == "lane":
             if not len(self._lanes):
                 rows = world.rows(Kind.EGO)
-                found = self._roads.nearest(world.x[rows], world.y[rows], world.yaw[rows], world.z[rows])
+                found = self._map.roads.alone.nearest(world.x[rows], world.y[rows], world.yaw[rows], world.z[rows])
                 lanes[: len(rows)] = found.lane
-            self.goal_lanes[number] = np.isin(np.arange(len(self._roads)), self._ends)
-            self.goal_lanes[number, np.arange(len(lanes))[lanes >= 0], lanes[lanes >= 0]] = False
+            for ego, lane in enumerate(lanes.tolist()):
+                self.goal_lanes[number, ego] = find_lanes_behind(world, lane, self._ends)
         elif task.goal == "bay":
             for uid in world.uid[world.alive & world.has_lane & (world.kind == Kind.VEHICLE)].tolist():
                 self._worlds.remove(number, uid)  # a driver that waits behind an ego would stand where it backs
@@ -75,9 +80,9 @@ class Starts:
         task = self._task
         for _ in range(MAX_TRIES):
             lane = int(self._lanes[rng.integers(len(self._lanes))]) if len(self._lanes) > 1 else int(self._lanes[0])
-            length = float(self._roads.length[lane])
+            length = float(self._map.roads.alone.length[lane])
             s = rng.uniform(0.0, length) if task.start_s is None else task.start_s
-            places, yaws = self._roads.at([lane], [s + length if s < 0.0 else s])
+            places, yaws = self._map.roads.alone.at([lane], [s + length if s < 0.0 else s])
             x, y, z = places[0].tolist()
             if all(np.hypot(x - east, y - north) >= CLEAR for east, north in taken):
                 taken.append((x, y))
@@ -97,7 +102,7 @@ class Starts:
         """Return the rows of the lanes that a name or a pattern has."""
         if not pattern:
             return np.zeros(0, dtype=np.int64)
-        rows = [row for row, name in enumerate(self._roads.ids) if fnmatchcase(name, pattern)]
+        rows = [row for row, name in enumerate(self._map.roads.alone.ids) if fnmatchcase(name, pattern)]
         if not rows:
             where = f"the map of {self._task.scenario!r}"
             raise ValueError(f"{option}: expected a lane of {where}, or a pattern of lanes, got {pattern!r}")
@@ -109,7 +114,7 @@ class Starts:
         Raises:
             ValueError: there are too few free bays.
         """
-        places, yaws = self._roads.at(self._ends, 0.5 * self._roads.length[self._ends])
+        places, yaws = self._map.roads.alone.at(self._ends, 0.5 * self._map.roads.alone.length[self._ends])
         middles = world.x + world.centre * np.cos(world.yaw), world.y + world.centre * np.sin(world.yaw)
         away = np.hypot(middles[0] - places[:, :1], middles[1] - places[:, 1:2])
         free = (away + np.where(world.alive, 0.0, np.inf)).min(axis=1, initial=np.inf) > FREE

@@ -7,7 +7,7 @@ world has the map and the ego of a scenario, and the `--traffic`; with `--whole`
     python scripts/bench/worlds.py motorway --worlds 256 --profile
 
 `--beside PYTHON` compares, in the same run, with `highway-fast-v0` of highway-env, in an environment of its own, and
-with our own `Highway-v0` as one set of arrays and in processes of `AsyncVectorEnv` (on Linux):
+with our own `Highway-v1` as one set of arrays and in processes of `AsyncVectorEnv` (on Linux):
 
     python -m venv /tmp/highway && /tmp/highway/bin/pip install highway-env
     python scripts/bench/worlds.py motorway --worlds 256 --beside /tmp/highway/bin/python
@@ -129,7 +129,7 @@ print(num / used, env.unwrapped.config["policy_frequency"])
 """
 """Counts policy steps of highway-env for a CPU second, without resets."""
 
-ENV = "rosbridge_sim/Highway-v0"
+ENV = "rosbridge_sim/Highway-v1"
 
 
 def of_processes(num: int, options: dict[str, Any]) -> float:

@@ -1,4 +1,4 @@
-"""The page of the environments: options, observation by row, reward and end of each, and what two drivers reach.
+"""The page of the environments: options, observation by row, reward and end of each, and what drivers reach.
 
 Options and bounds come from the sources; the figures from `environment_figures.json`, which
 `scripts/examples/drive_environments.py --json` writes; the pictures from `scripts/draw_environments.py`.
@@ -13,6 +13,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
+import gymnasium
+
 from rosbridge_sim.environments.action_kinds import MAX_ACCEL, MAX_STEER, META_ACTIONS
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.observations import (
@@ -24,7 +26,7 @@ from rosbridge_sim.environments.observations import (
     OTHER_BOUNDS,
     RAY_SPEED,
 )
-from rosbridge_sim.environments.registration import TASKS
+from rosbridge_sim.environments.registration import TASKS, register_all
 from rosbridge_sim.worlds.occupancy import GRID_FIGURES
 from rosbridge_sim.worlds.rays import RAY_FIGURES
 from rosbridge_sim.worlds.surroundings import OTHER_FIGURES
@@ -32,6 +34,8 @@ from rosbridge_sim.worlds.surroundings import OTHER_FIGURES
 __all__ = ["FIGURES", "write_environments"]
 
 FIGURES: Final = Path(__file__).parent / "environment_figures.json"
+
+EXAMPLES: Final = Path(__file__).parents[1] / "examples"
 
 UNITS: Final = {
     **dict.fromkeys(("speed", "vx", "vy"), "m/s"),
@@ -75,19 +79,52 @@ TERMS: Final = {
     "steering": "-a², with the first number a of the action; with `DiscreteMeta` 1 for each change of lanes",
     "failure": "-1 in the step of a failure",
     "red_light": "-1 for each red light passed in the step",
+    "near_miss": "-max(0, 1 - time to collision / 1.5 s), while the ego is faster than 0.5 m/s",
     "arrived": "1 in the step in which the ego arrives",
     "goal": "-√(Σ w abs(achieved - desired)), with w = 1 for x and y, 0 for the velocity, 0.02 for cosine and sine",
 }
 
 TITLES: Final = {
-    "LaneKeeping-v0": "Keep to the lane of `loop`, among some traffic.",
-    "Highway-v0": "Drive in the traffic of a motorway with three lanes.",
+    "LaneKeeping-v1": "Keep to a lane of `loop`, from anywhere on the lap.",
+    "Highway-v1": "Drive in the traffic of a motorway with three lanes, from anywhere at 25 m/s.",
     "Merge-v0": "Join the traffic of a motorway from the entry lane.",
-    "Roundabout-v0": "Drive through roundabouts and a crossing without lights, with traffic.",
-    "Intersection-v0": "Cross a junction with lights, traffic and people, from 40 m before it.",
-    "Parking-v0": "Reverse into a free bay between parked cars.",
+    "Roundabout-v1": "Drive through roundabouts and a crossing without lights, with traffic.",
+    "Intersection-v1": "Cross a junction with lights, traffic and people, from 40 m before it.",
+    "Parking-v1": "Reverse into a free bay between parked cars.",
     "Drive-v0": "Drive in any scenario; as it is, in the town.",
 }
+
+REASONS: Final = {
+    "LaneKeeping-v1": (
+        "It begins anywhere, because the first 600 m of the scenario are straight: there a driver that sees "
+        "nothing (`blind`) earned more than the rule."
+    ),
+    "Highway-v1": (
+        "It begins among the traffic: from a stand on a free lane a driver that sees nobody (`careless`) met "
+        "nobody. A failure costs 10 and all that could still be earned, which is most of it."
+    ),
+    "Merge-v0": (
+        "A failure costs 10 and all that could still be earned. The entry lane ends, so neither to stand nor "
+        "to look away pays."
+    ),
+    "Roundabout-v1": (
+        "Other drivers brake for one that never gives way (`careless`), so it gains 3 s of driving, and has "
+        "few collisions. So `near_miss` costs in each step in which it comes near one, and so much that it "
+        "does not pay if later rewards are discounted, either. 1.5 s is the bound for serious conflicts in "
+        "studies of traffic."
+    ),
+    "Intersection-v1": (
+        "Behind the light 40 can be earned for the way, and 10 for arriving. `red_light` costs as much, so to "
+        "pass it pays at no discount, though a red light lasts up to 20 s."
+    ),
+    "Parking-v1": (
+        "Each step costs up to 0.02, so that a shorter way is better. A whole episode costs less than a "
+        "failure, so that none ends its costs early. `arrived` is there because to stop beside the bay is "
+        "nearly as near as to stand in it."
+    ),
+    "Drive-v0": "A failure costs 10 and all that could still be earned.",
+}
+"""Why the rewards are as they are, by what earned more than the task before."""
 
 HEAD: Final = """\
 # Environments
@@ -98,34 +135,59 @@ server.
 
 *Random* draws each action anew. *By rule* is the driver of `scripts/examples/drive_environments.py`: it steers to the
 lane's line 10 m ahead, wants the target speed, slows down for bends, keeps gaps, stops at red lights, gives way to
-those who will be on its way first, and in `Parking-v0` reverses in an arc. Figures are means over 16 episodes with the
-seeds 0 to 15: sum of rewards, time and distance until the end, and shares of episodes that ended by arriving and by a
-failure.
+those who will be on its way first, and in `Parking-v1` reverses in an arc. The others are in
+`scripts/examples/exploit_environments.py`. They want rewards without the task, and a test holds that none of them
+earns more than the rule:
+
+| driver | what it does |
+|---|---|
+{exploits}
+
+Figures are means over 16 episodes with the seeds 0 to 15: sum of rewards; the same with a discount of 0.99 a step;
+time and distance until the end; shares of episodes that ended by arriving and by a failure. To measure anew:
+
+    python scripts/examples/drive_environments.py --episodes 16 --json scripts/docs_pages/environment_figures.json
+    python scripts/write_docs.py
+
+A number behind a name changes when results change. `gymnasium.make` refuses an older one, and names the newer one.
 """
 
 
 def write_environments() -> str:
     """Return the page."""
+    register_all()
     figures = json.loads(FIGURES.read_text("utf-8"))
-    lines = [HEAD]
+    lines = [HEAD.format(exploits="\n".join(_exploits()))]
     for name, task in TASKS.items():
         short = name.partition("/")[2]
         lines += [f"## {short}\n", f"{TITLES[short]}\n"]
         lines += [f"![{short} from above](../images/env_{short[:-3].lower()}.png)\n"]
         lines += ["| option | value |", "|---|---|", *_options(task), ""]
         lines += ["| term of the reward | weight | value |", "|---|---|---|", *_terms(task), ""]
-        lines += [_end(task) + "\n"]
+        lines += [_end(task, gymnasium.spec(name).max_episode_steps) + "\n"]
         seen = f"`{task.observation}`, see [below](#observations)"
         lines += [f"Observation: {seen}{' with the light ahead' if task.lights else ''}. Action: `{task.action}`.\n"]
-        lines += ["| driver | reward | time | distance | arrived | failed |", "|---|---|---|---|---|---|"]
+        lines += [REASONS[short] + "\n"]
+        lines += [
+            "| driver | reward | discounted | time | distance | arrived | failed |",
+            "|---|---|---|---|---|---|---|",
+        ]
         for driver, each in figures[name].items():
-            cells = (driver, each["reward"], f"{each['seconds']} s", f"{each['metres']} m")
+            cells = (driver, each["reward"], each["discounted"], f"{each['seconds']} s", f"{each['metres']} m")
             shares = (f"{each['arrived']:.0%}", f"{each['failed']:.0%}")
             lines.append(f"| {' | '.join(str(cell) for cell in (*cells, *shares))} |")
         lines.append("")
     lines += _observations()
     lines += _actions()
     return "\n".join(lines)
+
+
+def _exploits() -> Iterator[str]:
+    """Yield the rows of the list in the head of the example."""
+    for line in (EXAMPLES / "exploit_environments.py").read_text("utf-8").splitlines():
+        if line.startswith("`"):
+            name, _, rest = line[1:].partition("`")
+            yield f"| {name} | {rest.strip()} |"
 
 
 def _options(task: DrivingTask) -> Iterator[str]:
@@ -145,16 +207,17 @@ def _terms(task: DrivingTask) -> Iterator[str]:
             yield f"| `{name}` | {weight:g} | {TERMS[name].format(target_speed=task.target_speed)} |"
 
 
-def _end(task: DrivingTask) -> str:
-    failures = "a collision" if task.goal == "bay" else "a collision, off the road, the wrong way"
+def _end(task: DrivingTask, steps: int | None) -> str:
+    failures = "a collision, off the road" + ("" if task.goal == "bay" else ", the wrong way")
     goals = {
         "": "",
-        "lane": f" It arrives {task.goal_s:g} m along a lane that `goal_lane` names, other than its first one.",
+        "lane": f" It arrives {task.goal_s:g} m along the first lane that `goal_lane` names behind the junction.",
         "bay": " It arrives when it stands within 0.5 m and 0.2 rad of the pose in its bay.",
     }
     offset = "" if math.isinf(task.max_offset) else f", or {task.max_offset:g} m from the line of the lane"
-    rest = f"{goals[task.goal]} It is truncated after {task.duration:g} s."
-    return f"Failures that end an episode: {failures}{offset}.{rest}"
+    away = "" if math.isinf(task.max_distance) else f", {task.max_distance:g} m from the bay"
+    rest = f"{goals[task.goal]} It is truncated after {steps} steps."
+    return f"Failures that end an episode: {failures}{offset}{away}.{rest}"
 
 
 def _observations() -> list[str]:

@@ -1,9 +1,10 @@
-"""Drive the environments for Gymnasium with random actions and by a rule, and print what both reach.
+"""Drive the environments for Gymnasium with random actions, by a rule and by exploits, and print what all reach.
 
 The rule steers towards the line of the lane 10 m ahead (pure pursuit), wants the target speed, slows down for bends,
 keeps a gap of 1.2 s and 2 m to what is on its way, and stops at red lights. It gives way to those who will be on its
-way before it, as if they went straight on. In `Parking-v0` it drives past its bay and reverses into it in an arc.
-Needs the extra `gym`.
+way before it, as if they went straight on. In `Parking-v1` it drives past its bay and reverses into it in an arc.
+Beside both it drives those that would like rewards without the task, see `exploit_environments.py`. Needs the extra
+`gym`.
 
     python scripts/examples/drive_environments.py --episodes 16
 """
@@ -21,14 +22,14 @@ import gymnasium
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from exploit_environments import NUM_LANE, NUM_LIGHT, exploits_of
 
 from rosbridge_sim.environments.action_kinds import MAX_ACCEL
 from rosbridge_sim.environments.driving_task import DrivingTask
-from rosbridge_sim.environments.observations import AHEAD
+from rosbridge_sim.environments.observations import AHEAD, pick
 from rosbridge_sim.environments.registration import TASKS, register_all
-
-NUM_LANE, NUM_LIGHT = 15, 2
-"""Figures of `Lane`, and of its lights, behind which those of the other entities begin."""
 
 NOSE = 3.6
 """From the rear axle to the front bumper [m]."""
@@ -46,6 +47,9 @@ TIMES = np.arange(0.0, 3.1, 0.5)
 _KNOTS = np.array([0.0, *AHEAD])
 BETWEEN = (np.vander(np.arange(41.0), 5) @ np.linalg.inv(np.vander(_KNOTS, 5)))[:, 1:]
 """(41, 4) from the places of the lane's line to one for each metre: the polynomial through them, and through 0."""
+
+DISCOUNT = 0.99
+"""Of a step, for the second sum of rewards: a usual one, which halves in 7 s."""
 
 Policy = Callable[[Any], Any]
 
@@ -156,31 +160,58 @@ class ParkByRule:
         return np.clip(np.stack([steering, accel], axis=1), -1.0, 1.0)
 
 
+def drivers_of(task: DrivingTask, num: int) -> dict[str, Policy]:
+    """Return all drivers by name, each at the begin of `num` episodes; the random one has a seed of its own."""
+    rng = np.random.default_rng(0)
+
+    def rule() -> Policy:
+        return ParkByRule(num) if task.goal == "bay" else lambda seen: by_rule(seen, task)
+
+    return {"random": lambda _: rng.uniform(-1.0, 1.0, (num, 2)), "by rule": rule(), **exploits_of(task, rule)}
+
+
 def drive(name: str, policy: Policy, num: int) -> dict[str, float]:
-    """Return means over episodes: sum of rewards, time [s], distance [m], shares that arrived and that failed."""
+    """Return what one driver reaches, see `drive_all`."""
+    return drive_all(name, {"": policy}, num)[""]
+
+
+def drive_all(name: str, drivers: dict[str, Policy], num: int) -> dict[str, dict[str, float]]:
+    """Return for each driver means over the episodes with the seeds 0, 1, ..., num - 1; all are driven together.
+
+    They are: sum of rewards, the same with `DISCOUNT`, time [s], distance [m], shares that arrived and that failed.
+    """
+    every = len(drivers) * num
+    parts = {driver: slice(i * num, (i + 1) * num) for i, driver in enumerate(drivers)}
     envs = gymnasium.make_vec(
         name,
-        num_envs=num,
+        num_envs=every,
         vectorization_mode="vector_entry_point",
         autoreset_mode="Disabled",
     )
-    seen, _ = envs.reset(seed=0)
-    total, steps, distance, is_on = np.zeros(num), np.zeros(num), np.zeros(num), np.ones(num, dtype=bool)
-    arrived, failed = np.zeros(num, dtype=bool), np.zeros(num, dtype=bool)
+    seen, _ = envs.reset(seed=list(range(num)) * len(drivers))
+    total, discounted, steps, distance = (np.zeros(every) for _ in range(4))
+    is_on, arrived, failed = np.ones(every, dtype=bool), np.zeros(every, dtype=bool), np.zeros(every, dtype=bool)
     while is_on.any():
-        seen, rewards, terminated, truncated, infos = envs.step(policy(seen))
+        actions = [policy(pick(seen, parts[driver])) for driver, policy in drivers.items()]
+        seen, rewards, terminated, truncated, infos = envs.step(np.concatenate(actions))
         total += rewards * is_on
+        discounted += DISCOUNT**steps * rewards * is_on
         steps += is_on
         distance = np.where(is_on, infos["distance"], distance)
         arrived |= is_on & infos["has_arrived"]
         failed |= is_on & terminated & ~infos["has_arrived"]
         is_on &= ~(terminated | truncated)
+    envs.close()
     return {
-        "reward": round(float(total.mean()), 1),
-        "seconds": round(float(steps.mean()) / 10.0, 1),
-        "metres": round(float(distance.mean())),
-        "arrived": round(float(arrived.mean()), 2),
-        "failed": round(float(failed.mean()), 2),
+        driver: {
+            "reward": round(float(total[part].mean()), 1),
+            "discounted": round(float(discounted[part].mean()), 2),
+            "seconds": round(float(steps[part].mean()) / 10.0, 1),
+            "metres": round(float(distance[part].mean())),
+            "arrived": round(float(arrived[part].mean()), 2),
+            "failed": round(float(failed[part].mean()), 2),
+        }
+        for driver, part in parts.items()
     }
 
 
@@ -192,17 +223,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--only", default="", help="environments whose names contain this")
     chosen = parser.parse_args(arguments)
     register_all()
-    rng, num = np.random.default_rng(0), chosen.episodes
+    num = chosen.episodes
     figures: dict[str, dict[str, dict[str, float]]] = {}
     for name, task in TASKS.items():
         if chosen.only not in name:
             continue
-        rule: Policy = ParkByRule(num) if task.goal == "bay" else (lambda seen, task=task: by_rule(seen, task))  # type: ignore[misc]
-        drivers: dict[str, Policy] = {"random": lambda _: rng.uniform(-1.0, 1.0, (num, 2)), "by rule": rule}
-        for driver, policy in drivers.items():
-            found = drive(name, policy, num)
-            figures.setdefault(name, {})[driver] = found
-            print(f"{name:32} {driver:8} {' '.join(f'{key} {value:g}' for key, value in found.items())}", flush=True)
+        figures[name] = drive_all(name, drivers_of(task, num), num)
+        for driver, found in figures[name].items():
+            print(f"{name:32} {driver:11} {' '.join(f'{key} {value:g}' for key, value in found.items())}", flush=True)
         if chosen.json is not None:
             chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Train a driver of `Highway-v0` that chooses lanes and speeds, by random search with numpy alone.
+"""Train a driver of `Highway-v1` that chooses lanes and speeds, by random search with numpy alone.
 
 The ego keeps its lane and its gaps as all other vehicles do; the policy says faster or slower, and changes lanes, into
 whatever is there. It knows the gaps ahead and behind on three lanes, and how fast they close. Reward is the speed, and
@@ -28,7 +28,7 @@ from random_search import Array, Policy, improve
 from rosbridge_sim.environments.registration import register_all
 from rosbridge_sim.world.state.world import Kind
 
-NAME = "rosbridge_sim/Highway-v0"
+NAME = "rosbridge_sim/Highway-v1"
 DIRECTIONS, BEST, PLACES = 16, 8, 6
 STEP, NOISE = 0.1, 0.2
 LANE, SEEN = 3.5, 100.0
@@ -42,7 +42,7 @@ OPTIONS: dict[str, Any] = {
     "start_s": None,
     "start_speed": 25.0,
     "target_speed": 36.0,
-    "duration": 40.0,
+    "max_episode_steps": 80,
     "weights": {"failure": 30.0, "offset": 0.0},
 }
 """A decision each half second, from anywhere on the middle lane. No vehicle may drive faster than 33 m/s there."""

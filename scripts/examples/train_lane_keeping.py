@@ -30,11 +30,11 @@ from random_search import Array, Policy, improve
 from rosbridge_sim.environments.registration import register_all
 from rosbridge_sim.shell.files.library import DiskLibrary
 
-NAME = "rosbridge_sim/LaneKeeping-v0"
+NAME = "rosbridge_sim/LaneKeeping-v1"
 DIRECTIONS, BEST, PLACES = 32, 16, 8
 STEP, NOISE = 0.05, 0.1
 """Length of a step and of the changes, in weights of whitened figures."""
-SPEED, DURATION = 15.0, 15.0
+SPEED, STEPS = 15.0, 150
 OPTIONS: dict[str, Any] = {"max_offset": 1.5, "target_speed": SPEED, "num_starts": 1, "start_speed": 10.0}
 """An episode ends 1.5 m from the line of the lane."""
 
@@ -82,7 +82,7 @@ def drive_lap(scenario: str, policy: Policy, length: float, path: Path | None = 
     Returns:
         The distance without crossing an edge of the lane [m], and the greatest offset from its line [m].
     """
-    start = {"start_lane": "L2_00", "start_s": 0.0, "duration": 2.0 * length / SPEED}
+    start = {"start_lane": "L2_00", "start_s": 0.0, "max_episode_steps": round(20.0 * length / SPEED)}
     env = gymnasium.make(NAME, scenario=scenario, render_mode="rgb_array", **{**OPTIONS, **start})
     seen, info = env.reset(seed=0)
     pictures: list[Image.Image] = []
@@ -102,7 +102,7 @@ def train(scenario: str, chosen: argparse.Namespace) -> Policy:
     """Train until a policy drives a lap, or the time is over."""
     rng, length = np.random.default_rng(chosen.seed), lap_length()
     policy = Policy(2, 15)
-    envs = make(scenario, 2 * DIRECTIONS * PLACES, start_lane="L2_*", start_s=None, duration=DURATION)
+    envs = make(scenario, 2 * DIRECTIONS * PLACES, start_lane="L2_*", start_s=None, max_episode_steps=STEPS)
 
     def try_out(weights: Array) -> tuple[Array, Array]:
         seeds = rng.integers(1 << 31, size=PLACES).repeat(len(weights)).tolist()

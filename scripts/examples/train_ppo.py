@@ -1,7 +1,8 @@
-"""Train a driver of `LaneKeeping-v0` with PPO of stable-baselines3.
+"""Train a driver of `LaneKeeping-v1` with PPO of stable-baselines3.
 
-64 environments drive at once, as one set of arrays. The driver is judged before and after, in 64 episodes of other
-seeds. Needs the extra `gym`, torch and stable-baselines3.
+64 environments drive at once, as one set of arrays, from where the scenario has the ego: on a straight of 600 m, which
+is learned soonest. The driver is judged before and after, in 64 episodes of other seeds. Needs the extra `gym`, torch
+and stable-baselines3.
 
     python scripts/examples/train_ppo.py --policy driver.zip
 """
@@ -41,14 +42,14 @@ def mean_reward(model: Any, envs: Any) -> float:  # noqa: ANN401 - both of a lib
 
 def main() -> None:
     """Train, and print the mean reward before and after."""
-    parser = argparse.ArgumentParser(description="Train a driver of LaneKeeping-v0 with PPO of stable-baselines3.")
+    parser = argparse.ArgumentParser(description="Train a driver of LaneKeeping-v1 with PPO of stable-baselines3.")
     parser.add_argument("--steps", type=int, default=16_384, help="steps of all environments together")
     parser.add_argument("--seed", type=int, default=1, help="of the policy and its exploration")
     parser.add_argument("--policy", type=Path, help="file for the trained policy (.zip)")
     arguments = parser.parse_args()
 
     torch.set_num_threads(1)  # the networks are small: more threads wait for each other
-    envs = make_vec_env("rosbridge_sim/LaneKeeping-v0", num_envs=NUM_ENVS, max_offset=1.5)
+    envs = make_vec_env("rosbridge_sim/LaneKeeping-v1", num_envs=NUM_ENVS, max_offset=1.5, start_lane="")
     model = PPO("MlpPolicy", envs, n_steps=64, batch_size=512, gamma=0.98, seed=arguments.seed, device="cpu")
     print(f"before: mean reward {mean_reward(model, envs):.1f}", flush=True)
     began = time.process_time()

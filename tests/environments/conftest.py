@@ -14,7 +14,7 @@ LIBRARY = DiskLibrary()
 
 class WorldsOfOneLibrary(Worlds):
     def __init__(self, *args: Any, **options: Any) -> None:  # noqa: ANN401 - those of Worlds
-        super().__init__(*args, library=LIBRARY, **options)
+        super().__init__(*args, **{**options, "library": LIBRARY})
 
 
 @pytest.fixture(autouse=True)

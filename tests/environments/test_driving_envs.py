@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
 import subprocess
 import sys
 from typing import Any
@@ -18,7 +20,7 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 from rosbridge_sim.environments.registration import TASKS, register_all  # noqa: E402
 from tests.support import PATIENCE  # noqa: E402
 
-LANE = "rosbridge_sim/LaneKeeping-v0"
+LANE = "rosbridge_sim/LaneKeeping-v1"
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +65,7 @@ def test_observations_and_actions_follow_the_rules(options: dict[str, Any]) -> N
 @pytest.mark.slow
 def test_observations_in_si_units_are_those_of_the_worlds() -> None:
     one = gymnasium.make(
-        "rosbridge_sim/Highway-v0", normalize=False, observation="Dict", parts=("Lane", "Others", "Lidar")
+        "rosbridge_sim/Highway-v1", normalize=False, observation="Dict", parts=("Lane", "Others", "Lidar")
     )
     one.reset(seed=0)
     seen = one.step(np.array([0.0, 1.0]))[0]
@@ -75,7 +77,9 @@ def test_observations_in_si_units_are_those_of_the_worlds() -> None:
 
 @pytest.mark.slow
 def test_meta_actions_change_lanes_and_speeds() -> None:
-    one = gymnasium.make("rosbridge_sim/Highway-v0", traffic=0, action="DiscreteMeta", start_lane="L2_03", start_s=10.0)
+    one = gymnasium.make(
+        "rosbridge_sim/Highway-v1", traffic=0, action="DiscreteMeta", start_lane="L2_03", start_s=10.0, start_speed=0.0
+    )
     one.reset(seed=0)
     speeds, lanes = [], []
     roads = one.unwrapped.worlds.world(0).roads
@@ -94,9 +98,9 @@ def test_meta_actions_change_lanes_and_speeds() -> None:
 def test_meta_actions_of_many_environments_equal_those_of_one() -> None:
     options: dict[str, Any] = {"action": "DiscreteMeta", "traffic": 8, "observation": "Kinematics"}
     many = gymnasium.make_vec(
-        "rosbridge_sim/Highway-v0", num_envs=2, vectorization_mode="vector_entry_point", **options
+        "rosbridge_sim/Highway-v1", num_envs=2, vectorization_mode="vector_entry_point", **options
     )
-    one = gymnasium.make("rosbridge_sim/Highway-v0", **options)
+    one = gymnasium.make("rosbridge_sim/Highway-v1", **options)
     many.reset(seed=3)
     one.reset(seed=4)
     rng = np.random.default_rng(0)
@@ -108,7 +112,7 @@ def test_meta_actions_of_many_environments_equal_those_of_one() -> None:
 @pytest.mark.slow
 def test_camera_shows_the_road_ahead() -> None:
     pytest.importorskip("moderngl", reason="the extra rosbridge-sim[sensors]")
-    one = gymnasium.make("rosbridge_sim/LaneKeeping-v0", observation="Camera", camera_width=48, camera_height=32)
+    one = gymnasium.make("rosbridge_sim/LaneKeeping-v1", observation="Camera", camera_width=48, camera_height=32)
     seen, _ = one.reset(seed=0)
     assert one.observation_space.contains(seen)
     sky, road = seen[:6].mean(axis=(0, 1)), seen[-6:].mean(axis=(0, 1))
@@ -183,11 +187,37 @@ def test_environments_are_reset_by_a_mask_alone() -> None:
     assert many.unwrapped.worlds.frames.tolist() == [0, frames[1]]
 
 
-def test_episode_is_truncated_after_its_duration() -> None:
-    one = gymnasium.make(LANE, duration=0.5)
-    one.reset(seed=0)
-    ends = [one.step(np.zeros(2))[3] for _ in range(5)]
-    assert ends == [False, False, False, False, True]
+def test_episode_is_truncated_after_the_steps_that_gymnasium_knows() -> None:
+    assert gymnasium.spec("rosbridge_sim/Parking-v1").max_episode_steps == 600
+    assert gymnasium.make(LANE).spec.max_episode_steps == 400
+    one, many = gymnasium.make(LANE, max_episode_steps=5), make_many(1, AutoresetMode.DISABLED, max_episode_steps=5)
+    for each, action in ((one, np.zeros(2)), (many, np.zeros((1, 2)))):
+        each.reset(seed=0)
+        assert [bool(each.step(action)[3]) for _ in range(5)] == [False, False, False, False, True]
+    with pytest.raises(TypeError, match="duration: there is no such option; give max_episode_steps"):
+        gymnasium.make(LANE, duration=0.5)
+
+
+def test_pictures_a_second_are_the_steps_a_second() -> None:
+    for each in (gymnasium.make(LANE, frame_skip=2), make_many(1, AutoresetMode.DISABLED, frame_skip=2)):
+        assert each.metadata["render_fps"] == 25.0
+
+
+@pytest.mark.parametrize(
+    ("seed", "text"),
+    [
+        ([1, 2, 3], "seed: expected 2 seeds, one for each environment, got 3"),
+        ([1, -1], "seed: expected whole numbers from 0 on, or None, got -1"),
+        ([1, 0.5], "seed: expected whole numbers from 0 on, or None, got 0.5"),
+        (-1, "seed: expected whole numbers from 0 on, or None, got -1"),
+    ],
+)
+def test_wrong_seeds_are_refused(seed: Any, text: str) -> None:  # noqa: ANN401
+    many = make_many(2, AutoresetMode.DISABLED)
+    with pytest.raises(ValueError, match=text):
+        many.reset(seed=seed)
+    with pytest.raises(ValueError, match=r"reset_mask: expected bool of shape \(2,\), got bool \(3,\)"):
+        many.reset(options={"reset_mask": np.ones(3, dtype=bool)})
 
 
 def test_infos_have_the_score() -> None:
@@ -242,6 +272,21 @@ def test_episode_begins_on_its_lane_with_nothing_near() -> None:
         assert (np.hypot(others[:, 1], others[:, 2])[others[:, 0] > 0.0] > 0.2).all()
 
 
+def test_no_change_of_lanes_leads_to_a_goal() -> None:
+    many = gymnasium.make_vec("rosbridge_sim/Intersection-v1", num_envs=32, vectorization_mode="vector_entry_point")
+    many.reset(seed=0)
+    episodes, lanes = many.unwrapped.episodes, many.unwrapped.worlds.lanes()["lane"][:, 0].astype(int)
+    roads = many.unwrapped.worlds.world(0).roads.alone
+    num_beside = 0
+    for lane, goals in zip(lanes.tolist(), episodes.starts.goal_lanes[:, 0], strict=True):
+        names = {roads.ids[goal] for goal in goals.nonzero()[0].tolist()}
+        road, end = roads.ids[lane][:-2], roads.ids[lane][3:5]  # R, from column and row, to column and row
+        assert names
+        assert all(name[1:3] == end and name[:-2] != road for name in names)
+        num_beside += roads.left[lane] >= 0 or roads.right[lane] >= 0
+    assert num_beside
+
+
 def test_lane_on_which_the_scenario_has_the_ego_is_no_goal() -> None:
     env = gymnasium.make("rosbridge_sim/Drive-v0", scenario="loop", goal="lane", goal_lane="*")
     env.reset(seed=0)
@@ -250,7 +295,7 @@ def test_lane_on_which_the_scenario_has_the_ego_is_no_goal() -> None:
 
 
 def test_red_light_costs_and_a_lane_beyond_the_junction_is_the_goal() -> None:
-    one = gymnasium.make("rosbridge_sim/Intersection-v0", traffic=0)
+    one = gymnasium.make("rosbridge_sim/Intersection-v1", traffic=0)
     seen, info = one.reset(seed=0)
     assert 15.0 < 100.0 * seen[15] <= 41.0
     ran_red = False
@@ -271,7 +316,7 @@ def test_red_light_costs_and_a_lane_beyond_the_junction_is_the_goal() -> None:
 
 
 def test_parked_ego_has_arrived() -> None:
-    one = gymnasium.make("rosbridge_sim/Parking-v0").unwrapped
+    one = gymnasium.make("rosbridge_sim/Parking-v1").unwrapped
     goals = set()
     for seed in range(4):
         one.reset(seed=seed)
@@ -289,7 +334,7 @@ def test_parked_ego_has_arrived() -> None:
 
 
 def test_ego_that_may_reverse_does_so_after_it_has_stopped() -> None:
-    one = gymnasium.make("rosbridge_sim/Parking-v0")
+    one = gymnasium.make("rosbridge_sim/Parking-v1")
     one.reset(seed=0)
     speeds = [one.step(np.array([0.0, accel]))[4]["speed"] for accel in [0.5] * 10 + [-0.5] * 20 + [0.5] * 20]
     assert speeds[9] > 1.0
@@ -298,7 +343,7 @@ def test_ego_that_may_reverse_does_so_after_it_has_stopped() -> None:
 
 
 def test_rewards_of_goals_are_computed_for_many_steps() -> None:
-    one = gymnasium.make("rosbridge_sim/Parking-v0").unwrapped
+    one = gymnasium.make("rosbridge_sim/Parking-v1").unwrapped
     one.reset(seed=0)
     steps = [one.step(np.array([0.1, 0.5])) for _ in range(4)]
     achieved, desired = (np.stack([step[0][f"{name}_goal"] for step in steps]) for name in ("achieved", "desired"))
@@ -357,13 +402,57 @@ def test_wrong_actions_are_refused() -> None:
         many.unwrapped.step(np.zeros((3, 2)))
 
 
+def copies(env: Any) -> list[Any]:  # noqa: ANN401
+    return [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]  # noqa: S301 - our own bytes
+
+
+def told(result: tuple[Any, ...]) -> list[Any]:
+    return [each.tobytes() if isinstance(each, np.ndarray) else str(each) for each in result]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Intersection-v1", "Parking-v1", "Drive-v0"])
+def test_copy_goes_on_to_the_bit(name: str) -> None:
+    env = gymnasium.wrappers.RecordEpisodeStatistics(gymnasium.make(f"rosbridge_sim/{name}", max_episode_steps=14))
+    env.reset(seed=3)
+    env.action_space.seed(1)
+    for _ in range(7):
+        env.step(env.action_space.sample())
+    all_three = [env, *copies(env)]
+    for _ in range(2):
+        is_over = False
+        while not is_over:
+            results = [each.step(each.action_space.sample()) for each in all_three]
+            is_over = results[0][2] or results[0][3]
+            for result in results:
+                result[4].get("episode", {}).pop("t", None)  # by the clock on the wall
+            assert told(results[0]) == told(results[1]) == told(results[2])
+        begins = [told(each.reset()) for each in all_three]
+        assert begins[0] == begins[1] == begins[2]
+
+
+def test_copy_of_many_environments_goes_on_to_the_bit() -> None:
+    options: dict[str, Any] = {"action": "DiscreteMeta", "traffic": 3, "observation": "Kinematics"}
+    many = make_many(3, AutoresetMode.SAME_STEP, max_episode_steps=6, **options)
+    many.reset(seed=3)
+    rng = np.random.default_rng(0)
+    many.step(rng.integers(5, size=3))
+    both = [many, *copies(many)]
+    for _ in range(8):
+        actions = rng.integers(5, size=3)
+        results = [told(each.step(actions)) for each in both]
+        assert results[0] == results[1] == results[2]
+    many.reset(seed=9)
+    assert told(both[1].step(actions)) == told(both[2].step(actions))  # what is done to one leaves the others alone
+
+
 @pytest.mark.slow
 def test_name_alone_imports_the_environments() -> None:
     """For programs of others that take a name and import nothing of ours."""
     program = (
         "import gymnasium\n"
         "assert not any('rosbridge_sim' in name for name in gymnasium.registry)\n"
-        "env = gymnasium.make('rosbridge_sim.environments:rosbridge_sim/LaneKeeping-v0')\n"
+        "env = gymnasium.make('rosbridge_sim.environments:rosbridge_sim/LaneKeeping-v1')\n"
         "print(env.reset(seed=1)[0].shape)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE, check=True)

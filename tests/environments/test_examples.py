@@ -22,7 +22,7 @@ def load(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:  # noqa: ANN401 - a
 @pytest.fixture
 def example(monkeypatch: pytest.MonkeyPatch) -> Any:  # noqa: ANN401 - as above
     module = load("train_lane_keeping", monkeypatch)
-    for name, value in (("DIRECTIONS", 4), ("BEST", 2), ("PLACES", 2), ("DURATION", 1.0)):
+    for name, value in (("DIRECTIONS", 4), ("BEST", 2), ("PLACES", 2), ("STEPS", 10)):
         monkeypatch.setattr(module, name, value)
     return module
 
@@ -83,7 +83,7 @@ def test_highway_driver_is_compared_with_all_others(
     module = load("train_highway", monkeypatch)
     for name, value in (("DIRECTIONS", 2), ("BEST", 1), ("PLACES", 1)):
         monkeypatch.setattr(module, name, value)
-    monkeypatch.setitem(module.OPTIONS, "duration", 2.0)
+    monkeypatch.setitem(module.OPTIONS, "max_episode_steps", 4)
     module.main(["--rounds", "1", "--episodes", "2", "--policy", str(tmp_path / "driver.npz")])
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[-2:]] == ["untrained", "trained"]
@@ -106,7 +106,7 @@ def test_gaps_are_those_of_the_next_vehicles_on_each_lane(monkeypatch: pytest.Mo
 def test_rule_parks_between_other_cars(monkeypatch: pytest.MonkeyPatch) -> None:
     module = load("drive_environments", monkeypatch)
     module.register_all()
-    found = module.drive("rosbridge_sim/Parking-v0", module.ParkByRule(3), 3)
+    found = module.drive("rosbridge_sim/Parking-v1", module.ParkByRule(3), 3)
     assert (found["arrived"], found["failed"]) == (1.0, 0.0)
 
 
@@ -114,7 +114,7 @@ def test_rule_parks_between_other_cars(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_rule_crosses_the_junction_and_no_red_light(monkeypatch: pytest.MonkeyPatch) -> None:
     module = load("drive_environments", monkeypatch)
     module.register_all()
-    name = "rosbridge_sim/Intersection-v0"
+    name = "rosbridge_sim/Intersection-v1"
     found = module.drive(name, lambda seen: module.by_rule(seen, module.TASKS[name]), 2)
     assert found["failed"] == 0.0
     assert found["metres"] > 50.0
@@ -122,14 +122,14 @@ def test_rule_crosses_the_junction_and_no_red_light(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.slow
 @pytest.mark.parametrize("num", [2, pytest.param(16, marks=pytest.mark.long)])
-@pytest.mark.parametrize("name", ["Merge-v0", "Roundabout-v0", "Drive-v0"])
+@pytest.mark.parametrize("name", ["Merge-v0", "Roundabout-v1", "Drive-v0"])
 def test_rule_drives_without_a_failure(name: str, num: int, monkeypatch: pytest.MonkeyPatch) -> None:
     module = load("drive_environments", monkeypatch)
     module.register_all()
     task = module.TASKS[f"rosbridge_sim/{name}"]
     found = module.drive(f"rosbridge_sim/{name}", lambda seen: module.by_rule(seen, task), num)
-    assert (found["failed"], found["seconds"]) == (0.0, task.duration)
-    assert found["metres"] > 0.5 * task.duration * task.target_speed
+    assert (found["failed"], found["seconds"]) == (0.0, 40.0)
+    assert found["metres"] > 20.0 * task.target_speed
 
 
 STRAIGHT = [[5.0, 0.0], [10.0, 0.0], [20.0, 0.0], [40.0, 0.0]]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from collections.abc import Iterator
 from typing import Any
 
@@ -62,6 +64,17 @@ def test_remote_environment_follows_the_rules(server: Simulator) -> None:
     try:
         check_env(far.unwrapped, skip_render_check=True, skip_close_check=True)
         assert far.unwrapped.render().shape == (400, 600, 3)
+    finally:
+        far.close()
+
+
+@pytest.mark.slow
+def test_remote_environment_refuses_to_be_copied(server: Simulator) -> None:
+    far = gymnasium.make(REMOTE, url=server.url, observation="Lane")
+    try:
+        for make in (copy.deepcopy, pickle.dumps):
+            with pytest.raises(TypeError, match="the world of a server cannot be copied or pickled: save it there"):
+                make(far)
     finally:
         far.close()
 

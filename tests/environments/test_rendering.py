@@ -17,7 +17,7 @@ from gymnasium.wrappers import FlattenObservation, RecordEpisodeStatistics, Reco
 from rosbridge_sim.client import Client  # noqa: E402
 from rosbridge_sim.environments.registration import register_all  # noqa: E402
 
-LANE = "rosbridge_sim/LaneKeeping-v0"
+LANE = "rosbridge_sim/LaneKeeping-v1"
 
 
 @pytest.fixture(autouse=True)
@@ -50,7 +50,7 @@ def test_page_shows_the_world_of_the_environment() -> None:
 @pytest.mark.slow
 def test_page_goes_on_after_a_reset() -> None:
     many = gymnasium.make_vec(
-        "rosbridge_sim/Parking-v0", num_envs=2, vectorization_mode="vector_entry_point", render_mode="human"
+        "rosbridge_sim/Parking-v1", num_envs=2, vectorization_mode="vector_entry_point", render_mode="human"
     )
     many.reset(seed=0)
     try:
@@ -86,7 +86,7 @@ def test_film_has_a_picture_of_each_step(tmp_path: Path, monkeypatch: pytest.Mon
     for name in ("moviepy", "moviepy.video", "moviepy.video.io"):
         monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    shown = gymnasium.make(LANE, render_mode="rgb_array", duration=0.5)
+    shown = gymnasium.make(LANE, render_mode="rgb_array", max_episode_steps=5)
     one = RecordVideo(shown, str(tmp_path / "films"), disable_logger=True)
     one.reset(seed=0)
     for _ in range(5):
@@ -98,7 +98,7 @@ def test_film_has_a_picture_of_each_step(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_wrappers_of_gymnasium_work() -> None:
     parts = {"observation": "Dict", "parts": ("Lane", "Others")}
-    one = RecordEpisodeStatistics(FlattenObservation(gymnasium.make(LANE, duration=0.3, **parts)))
+    one = RecordEpisodeStatistics(FlattenObservation(gymnasium.make(LANE, max_episode_steps=3, **parts)))
     assert one.reset(seed=0)[0].shape == (15 + 14 * 9,)
     info: dict[str, Any] = {}
     for _ in range(3):
@@ -108,7 +108,7 @@ def test_wrappers_of_gymnasium_work() -> None:
 
 def test_wrappers_of_many_environments_work() -> None:
     wrappers = gymnasium.wrappers.vector
-    many = gymnasium.make_vec(LANE, num_envs=2, vectorization_mode="vector_entry_point", duration=0.3)
+    many = gymnasium.make_vec(LANE, num_envs=2, vectorization_mode="vector_entry_point", max_episode_steps=3)
     many = wrappers.RecordEpisodeStatistics(wrappers.NormalizeObservation(many))
     many.reset(seed=0)
     for _ in range(3):
@@ -120,7 +120,7 @@ def test_environments_are_as_env_runners_of_rllib_take_them() -> None:
     """RLlib 2.60 makes and wraps its environments so, in `SingleAgentEnvRunner.make_env`."""
     mode = gymnasium.VectorizeMode("vector_entry_point")
     many = gymnasium.wrappers.vector.DictInfoToList(
-        gymnasium.make_vec(LANE, num_envs=2, vectorization_mode=mode, duration=0.2)
+        gymnasium.make_vec(LANE, num_envs=2, vectorization_mode=mode, max_episode_steps=2)
     )
     _, infos = many.reset(seed=0)
     assert infos[1]["speed"] == 0.0
