@@ -24,8 +24,6 @@ from rosbridge_sim.graph.service_table import MAX_CALLS, ServiceTable
 from rosbridge_sim.graph.topic_table import TopicTable
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
-from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.store import Store
 
 __all__ = ["Bus"]
@@ -37,6 +35,7 @@ class Bus(BusState):
     Attributes:
         delivery: delivers messages and counts them.
         topics: all topics by absolute name; read only.
+        topic_table: what is seldom done with them.
         services: all services by absolute name; read only.
         parameters: the parameter server.
         unpublished: subscriptions to topics without a publisher.
@@ -65,7 +64,7 @@ class Bus(BusState):
         super().__init__(store)
         self.topics: dict[str, Topic] = {}
         types = TypeResolver(store, lambda: (topic.type for topic in self.topics.values()), is_strict=is_strict)
-        topics = self._topic_table = TopicTable(self, types, self.topics)
+        topics = self.topic_table = TopicTable(self, types, self.topics)
         services = self._service_table = ServiceTable(self, types, timeout=service_timeout, max_calls=max_calls)
         delivery = self.delivery = Delivery(self)
         self.services = services.by_name
@@ -90,35 +89,11 @@ class Bus(BusState):
 
     def unsubscribe(self, subscription: Subscription, now: float) -> None:
         """End a subscription. See `TopicTable.unsubscribe`."""
-        self._topic_table.unsubscribe(subscription, now)
-
-    def retype(self, subscription: Subscription, type_name: str) -> bool:
-        """Return True if a client's subscription now fits the topic's type. See `TopicTable.retype`."""
-        return self._topic_table.retype(subscription, type_name)
+        self.topic_table.unsubscribe(subscription, now)
 
     def find_topic(self, name: str) -> Topic | None:
         """Return a topic by name, or None. See `TopicTable.find_topic`."""
-        return self._topic_table.find_topic(name)
-
-    def forget_topic(self, name: str) -> None:
-        """Forget a topic without publishers. See `TopicTable.forget_topic`."""
-        self._topic_table.forget_topic(name)
-
-    def forget_latched(self, owner: Participant) -> None:
-        """Forget the latched messages of an owner. See `TopicTable.forget_latched`."""
-        self._topic_table.forget_latched(owner)
-
-    def forget_orphans(self) -> None:
-        """Forget the latched messages of publishers that are gone. See `TopicTable.forget_orphans`."""
-        self._topic_table.forget_orphans()
-
-    def type_conflict(self, name: str, type_name: str, owner: Participant | None = None) -> str | None:
-        """Return why a topic cannot have a type, or None. See `TopicTable.type_conflict`."""
-        return self._topic_table.type_conflict(name, type_name, owner)
-
-    def type_to_publish(self, name: str, type_name: str | None) -> MessageType | OpaqueType:
-        """Return the type for a publisher of a topic. See `TopicTable.type_to_publish`."""
-        return self._topic_table.type_to_publish(name, type_name)
+        return self.topic_table.find_topic(name)
 
     # Services
 
@@ -137,7 +112,7 @@ class Bus(BusState):
         """Return when `expire` has something to do next [s]; None if never."""
         if self.actions.topics is not None and self.actions.topics.is_due:
             return 0.0
-        return earliest(self._service_table.next_deadline(), self._topic_table.next_deadline())
+        return earliest(self._service_table.next_deadline(), self.topic_table.next_deadline())
 
     def expire(self, now: float) -> None:
         """Give up calls after their time-out, forget topics that are unused for a while, publish changes of goals.
@@ -145,7 +120,7 @@ class Bus(BusState):
         Subscribers that have waited for some time for a publisher are told.
         """
         self._service_table.expire(now)
-        self._topic_table.expire(now)
+        self.topic_table.expire(now)
         if self.actions.topics is not None:
             self.actions.topics.advance(now)
 
@@ -155,7 +130,7 @@ class Bus(BusState):
         attempt = self.guard.attempt
         attempt("the end of an owner's goals", self.actions.leave, owner)
         self._service_table.abandon_calls(owner)
-        self._topic_table.leave(owner, now)
+        self.topic_table.leave(owner, now)
         self._service_table.leave(owner)
         self.forget_owner(owner)
         for hook in tuple(self.on_leave):

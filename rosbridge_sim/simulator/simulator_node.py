@@ -13,34 +13,27 @@ import logging
 from collections.abc import Callable, Sequence
 from typing import Literal, TypeVar
 
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits, advise_release
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings
-from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
-from rosbridge_sim.simulator.departures import Departures
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
 from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
 from rosbridge_sim.simulator.kernel.tf_publisher import TfFrames
 from rosbridge_sim.simulator.markers.scene_markers import SCENE_MAP, SCENE_OBJECTS
-from rosbridge_sim.simulator.scene.scene import Scene
-from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensor_services.missing_sensors import advise
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.simulator.standard_topics import CmdVel
-from rosbridge_sim.simulator.sync.sync import Sync
-from rosbridge_sim.world.state.world import World
 
 __all__ = ["NodeSettings", "SimulatorNode"]
 
@@ -113,6 +106,12 @@ class SimulatorNode:
     Attributes:
         context: shared by its components.
         components: in the order in which their topics are published with a frame.
+        participant: the owner of all topics and services of the simulator.
+        interfaces: all of these, by name.
+        world: the state of all entities.
+        scene: the population and the map.
+        sync: synchronous mode.
+        egos: the egos, in order.
         advance, next_due: compute the frames that real time owes; see `RealTime`.
     """
 
@@ -128,6 +127,8 @@ class SimulatorNode:
         """
         self.context = context
         self.components = tuple(components)
+        self.participant, self.interfaces = context.participant, context.interfaces
+        self.world, self.scene, self.sync, self.egos = context.world, context.scene, context.sync, context.egos
         self._real_time = RealTime(context)
         self.advance, self.next_due = self._real_time.advance, self._real_time.next_due
         bindings = SubscribersServices(context.interfaces)
@@ -138,7 +139,10 @@ class SimulatorNode:
             component.bind_ego(context.egos.first, bindings)
         context.hooks.on_new_ego.append(self._open_ego)
         context.interfaces.open()
-        Departures(context)
+        self._left: list[Participant] = []  # those that left while frames were computed
+        context.hooks.after_move.append(self._tell_left)
+        context.hooks.after_move.rest(self._tell_left)
+        context.bus.on_leave.append(self._note_left)
         has_topic_like = self.component(MountedSensors).has_topic_like
         context.bus.unpublished.advise = lambda topic: advise(topic, has_topic_like)
         context.bus.unpublished.advise_name = self._advise_name
@@ -185,36 +189,6 @@ class SimulatorNode:
             A text for the client; empty for any other name.
         """
         return self.context.ego_interfaces.why_gone(service)
-
-    @property
-    def participant(self) -> SimulatorParticipant:
-        """The owner of all topics and services of the simulator."""
-        return self.context.participant
-
-    @property
-    def interfaces(self) -> InterfaceRegistry:
-        """All topics and services of the simulator, by name."""
-        return self.context.interfaces
-
-    @property
-    def world(self) -> World:
-        """The state of all entities."""
-        return self.context.world
-
-    @property
-    def scene(self) -> Scene:
-        """The population and the map."""
-        return self.context.scene
-
-    @property
-    def sync(self) -> Sync[SceneCommand]:
-        """Synchronous mode."""
-        return self.context.sync
-
-    @property
-    def egos(self) -> EgoRegistry:
-        """The egos, in order."""
-        return self.context.egos
 
     @property
     def failure(self) -> str | None:
@@ -287,3 +261,26 @@ class SimulatorNode:
         for component in self.components:
             component.publish_ego(ego, bindings.prefix, self.context.publishers)
             component.bind_ego(ego, bindings)
+
+    def _note_left(self, participant: Participant, now: float) -> None:
+        """Tell the components and synchronous mode of a departure: after a frame, if one is in progress.
+
+        The population must not change within a frame, on a message of which a connection may fail.
+        """
+        context = self.context
+        context.warnings.forget(participant)
+        if context.failure.why is not None:
+            return
+        if context.stepper.is_moving:
+            self._left.append(participant)
+            context.hooks.after_move.wake(self._tell_left)
+            return
+        for act in context.hooks.on_leave:  # a failure here must not keep the world waiting for a lost master
+            context.bus.guard.attempt("what follows an owner's end", act, participant, now)
+        context.sync_driver.leave(participant, now)
+
+    def _tell_left(self, now: float) -> None:
+        self.context.hooks.after_move.rest(self._tell_left)
+        left, self._left = self._left, []
+        for participant in left:
+            self._note_left(participant, now)

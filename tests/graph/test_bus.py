@@ -223,7 +223,7 @@ class BusMachine(RuleBasedStateMachine):
             for subscription in topic.all_subscriptions:
                 if subscription.owner is self.owners[who]:
                     with suppress(GraphError):
-                        self.bus.retype(subscription, kind)
+                        self.bus.topic_table.retype(subscription, kind)
                         assert subscription in topic.subscriptions
                     return
 

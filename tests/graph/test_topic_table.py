@@ -74,16 +74,16 @@ def test_remembered_topic_can_be_forgotten_at_once() -> None:
     bus, first, second = make_bus(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)
     bus.publish(first, topic, text(bus, "x"), 0.0)
-    bus.forget_topic("/t")
-    bus.forget_topic("/nothing")
+    bus.topic_table.forget_topic("/t")
+    bus.topic_table.forget_topic("/nothing")
     assert topic.latched, "it has a publisher"
     bus.unadvertise(first, "/t", 0.0)
-    bus.forget_topic("t")
+    bus.topic_table.forget_topic("t")
     assert bus.find_topic("/t") is None
-    assert bus.type_conflict("/t", "std_msgs/Int32") is None
+    assert bus.topic_table.type_conflict("/t", "std_msgs/Int32") is None
     bus.subscribe(second, "/t", second.deliver, type_name="std_msgs/Int32")
-    bus.forget_topic("/t")
-    conflict = bus.type_conflict("t", "std_msgs/msg/String")
+    bus.topic_table.forget_topic("/t")
+    conflict = bus.topic_table.type_conflict("t", "std_msgs/msg/String")
     assert conflict == (
         "Tried to register topic /t with type std_msgs/msg/String"
         " but it is already established with type std_msgs/Int32"
@@ -108,7 +108,7 @@ def test_only_latched_messages_of_publishers_that_are_gone_are_forgotten_for_mem
         topic = bus.advertise(owner, name, STRING, depth=1)
         bus.publish(owner, topic, text(bus, "x"), 0.0)
     bus.leave(first, 0.0)
-    bus.forget_orphans()
+    bus.topic_table.forget_orphans()
     latched = {name: len(topic.latched) for name, topic in bus.topics.items()}
     assert (latched["/gone"], latched["/stays"]) == (0, 1)
 
@@ -120,7 +120,7 @@ def test_message_of_a_topic_that_has_a_publisher_again_is_not_forgotten() -> Non
     bus.publish(first, topic, message, 0.0)
     bus.leave(first, 0.0)
     bus.advertise(second, "/t", STRING, depth=1)
-    bus.forget_orphans()
+    bus.topic_table.forget_orphans()
     assert topic.latched == [message]
 
 

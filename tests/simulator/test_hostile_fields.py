@@ -118,7 +118,8 @@ def test_messages_as_large_as_the_world_pass(stand: SimHarness) -> None:
     ):
         topic = stand.bus.find_topic(name)
         assert topic is not None
-        topic.check(orjson.dumps(message))
+        assert topic.limits is not None
+        topic.limits.check(name, orjson.dumps(message))
 
 
 def test_each_hostile_call_gets_one_answer(stand: SimHarness) -> None:

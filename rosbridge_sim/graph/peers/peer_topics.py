@@ -164,7 +164,7 @@ class PeerTopics:
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
         """Return the type of a publish without an advertise, if it is known or given."""
         self._peer.policy.check_publish(op.topic, op.type or self._type_name(op.topic) or "")
-        return self._bus.type_to_publish(op.topic, op.type or None)
+        return self._bus.topic_table.type_to_publish(op.topic, op.type or None)
 
     def _type_name(self, name: str) -> str | None:
         """Return the type of a topic; None if it does not exist."""
@@ -196,7 +196,7 @@ class PeerTopics:
             if len(self._subscriptions) <= MAX_WATCHED_TOPICS:
                 bus.unpublished.watch(subscription, self._note_unpublished, now)
         elif type_name is not None:
-            was_mute = bus.retype(held.subscription, type_name)
+            was_mute = bus.topic_table.retype(held.subscription, type_name)
         feed = held.feed
         feed.set_options(op.id, read_options(self._check_compression(op)))
         self.num_held += is_new

@@ -169,7 +169,7 @@ class Client:
         self.peer.session.remark("error", reason)
         self.flush()
         self._start_closing(CloseCode.POLICY_VIOLATION, reason[:MAX_REASON])
-        self._bus.forget_latched(self.peer)
+        self._bus.topic_table.forget_latched(self.peer)
         self.leave()
 
     # Input, as the `Receiver` of its socket

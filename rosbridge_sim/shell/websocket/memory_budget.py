@@ -125,7 +125,7 @@ class MemoryBudget:
             return
         held -= _num_shared(client for _, client in holders)
         if held > self._budget:
-            self._bus.forget_orphans()
+            self._bus.topic_table.forget_orphans()
             held -= left - self._leftovers(holders)
         for size, client in sorted(holders, key=lambda holder: holder[0], reverse=True):
             if held <= self._budget:

@@ -114,7 +114,7 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
         holders = {*topic.publishers, *(each.owner for each in topic.all_subscriptions if each.wanted is not None)}
         if {holder for holder in holders if not is_guest(holder)} == {owner}:
             return None
-    return bus.type_conflict(name, type_name, owner)
+    return bus.topic_table.type_conflict(name, type_name, owner)
 
 
 class ListedInterface(Record):

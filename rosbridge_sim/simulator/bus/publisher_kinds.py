@@ -72,7 +72,7 @@ class TopicPublisher(Interface):
         assert self.topic is not None
         bus.unadvertise(owner, self.topic.name, now)
         if not is_gone:  # a late subscriber must not get the last message of a topic that was renamed
-            bus.forget_topic(self.topic.name)
+            bus.topic_table.forget_topic(self.topic.name)
         self.topic = None
 
     def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:

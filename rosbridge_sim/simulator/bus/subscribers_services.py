@@ -175,7 +175,7 @@ class _Subscriber(Interface):
         assert self._subscription is not None
         bus.unsubscribe(self._subscription, now)
         if not is_gone:
-            bus.forget_topic(self._subscription.topic.name)
+            bus.topic_table.forget_topic(self._subscription.topic.name)
 
     def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
         return why_no_topic(owner, bus, name, self.type_name)

@@ -7,6 +7,7 @@ functions after a frame. Real time and synchronous mode differ only in the topic
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -35,54 +36,46 @@ class FrameMeter(Protocol):
         """End the measurement of a frame."""
 
 
+def _no_executor(command: SceneCommand, _now: float) -> None:
+    """Stand for the executor that the node factory puts in place."""
+    raise AssertionError(f"nothing carries out {command.action!r}")
+
+
+@dataclass(eq=False, kw_only=True, slots=True)
 class FrameStepper:
     """Computes frames and publishes them.
 
     Attributes:
-        is_moving: frames are being computed now; set by the caller that computes several.
         step: moves a world by one frame.
+        sync: has the commands that wait for a frame.
+        egos: their status messages are made anew after each step.
+        hooks: `place`, `once_after_frame` and `after_frame` are called.
+        sync_info: is published after all other topics.
+        is_moving: frames are being computed now; set by the caller that computes several.
         now: monotonic time at which the last frame was computed [s].
         num_frames: frames computed since the start; a reset of the world does not set it back.
         meter: measures each frame; None for no measurement.
         carry_out: `(command, now)`: carries out a command that has waited for the frame.
     """
 
-    def __init__(
-        self,
-        *,
-        world: World,
-        step: Step,
-        sync: Sync[SceneCommand],
-        egos: EgoRegistry,
-        hooks: Hooks,
-        time: SimulationTime,
-        pacer: RealTimePacer,
-        publishers: Publishers,
-        sync_info: SyncInfo,
-    ) -> None:
-        """Take what a frame needs.
+    world: World
+    step: Step
+    sync: Sync[SceneCommand]
+    egos: EgoRegistry
+    hooks: Hooks
+    time: SimulationTime
+    pacer: RealTimePacer
+    publishers: Publishers
+    sync_info: SyncInfo
+    is_moving: bool = False
+    now: float = 0.0
+    num_frames: int = 0
+    meter: FrameMeter | None = None
+    carry_out: Callable[[SceneCommand, float], object] = _no_executor
+    _info_limit: ShowLimit = field(init=False)
 
-        Args:
-            sync: has the commands that wait for a frame.
-            egos: their status messages are made anew after each step.
-            hooks: `place`, `once_after_frame` and `after_frame` are called.
-            sync_info: is published after all other topics.
-        """
-        self.step = step
-        self.is_moving = False
-        self.now = 0.0
-        self.num_frames = 0
-        self.meter: FrameMeter | None = None
-        self.carry_out: Callable[[SceneCommand, float], object] = _no_executor
-        self._world = world
-        self._sync = sync
-        self._egos = egos
-        self._hooks = hooks
-        self._time = time
-        self._pacer = pacer
-        self._publishers = publishers
-        self._sync_info = sync_info
-        self._info_limit = ShowLimit(pacer)
+    def __post_init__(self) -> None:
+        self._info_limit = ShowLimit(self.pacer)
 
     def compute(self, now: float, *, is_tick: bool, is_last: bool, is_complete: bool = False) -> None:
         """Move the world by one frame and publish it.
@@ -92,26 +85,26 @@ class FrameStepper:
             is_last: no other frame of the same tick follows.
             is_complete: real time asked for it, and every topic is published all the same.
         """
-        world, hooks, meter = self._world, self._hooks, self.meter
+        world, hooks, meter = self.world, self.hooks, self.meter
         if meter is not None:
             meter.begin()
-        if self._sync.queue:
-            for command in self._sync.due(world.frame + 1):
+        if self.sync.queue:
+            for command in self.sync.due(world.frame + 1):
                 self.carry_out(command, now)
         self.step(world, self._place if hooks.place.awake else None)
-        self._egos.forget_statuses()
-        self._time.follow()
+        self.egos.forget_statuses()
+        self.time.follow()
         if is_tick:
-            self._publishers.show_every(world.frame, now)
-            self._sync_info.announce(now, may_tick=is_last)
+            self.publishers.show_every(world.frame, now)
+            self.sync_info.announce(now, may_tick=is_last)
         else:
-            self._pacer.count()
+            self.pacer.count()
             if is_complete:
-                self._publishers.show_every(world.frame, now)
+                self.publishers.show_every(world.frame, now)
             else:
-                self._publishers.show_due(world.frame, self._pacer.shown_at, now)
+                self.publishers.show_due(world.frame, self.pacer.shown_at, now)
             if is_complete or self._info_limit.is_open(world.frame, now):
-                self._sync_info.announce(now, may_tick=is_last)
+                self.sync_info.announce(now, may_tick=is_last)
         self.now = now
         while hooks.once_after_frame:
             hooks.once_after_frame.pop(0)(now)
@@ -123,10 +116,5 @@ class FrameStepper:
 
     def _place(self) -> None:
         """Let the components place entities within a step."""
-        for place in self._hooks.place.awake:
+        for place in self.hooks.place.awake:
             place()
-
-
-def _no_executor(command: SceneCommand, _now: float) -> None:
-    """Stand for the executor that the node factory puts in place."""
-    raise AssertionError(f"nothing carries out {command.action!r}")

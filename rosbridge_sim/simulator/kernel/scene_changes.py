@@ -7,6 +7,7 @@ before a frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
@@ -32,52 +33,36 @@ from rosbridge_sim.simulator.sync.sync import Sync
 __all__ = ["SceneChanges"]
 
 
+@dataclass(eq=False, kw_only=True, slots=True)
 class SceneChanges:
-    """Loads scenarios, resets the world and adds egos. It holds no state of its own; the scene and the egos do."""
+    """Loads scenarios, resets the world and adds egos. It holds no state of its own; the scene and the egos do.
 
-    def __init__(
-        self,
-        *,
-        scene: Scene,
-        egos: EgoRegistry,
-        ego_interfaces: EgoInterfaces,
-        interfaces: InterfaceRegistry,
-        publishers: Publishers,
-        hooks: Hooks,
-        sync: Sync[SceneCommand],
-        sync_driver: SyncDriver,
-        sync_info: SyncInfo,
-        stepper: FrameStepper,
-        time: SimulationTime,
-        static_tf: StaticTf,
-    ) -> None:
-        """Change nothing yet.
+    Attributes:
+        scene: has the world, and changes it.
+        egos: are added and removed together with the scene.
+        interfaces: get other network settings with a scenario.
+        publishers: forget the messages that real time was to repeat.
+        hooks: `on_scene_change`, `on_reset` and `on_new_scene` are called.
+        sync: forgets what waits for frames.
+        sync_driver: pauses the world.
+        sync_info: announces the new frame.
+        stepper: tells whether frames are being computed.
+        time: follows the new frame.
+        static_tf: announces the frames that are fixed to the egos.
+    """
 
-        Args:
-            scene: has the world, and changes it.
-            egos: are added and removed together with the scene.
-            interfaces: get other network settings with a scenario.
-            publishers: forget the messages that real time was to repeat.
-            hooks: `on_scene_change`, `on_reset` and `on_new_scene` are called.
-            sync: forgets what waits for frames.
-            sync_driver: pauses the world.
-            sync_info: announces the new frame.
-            stepper: tells whether frames are being computed.
-            time: follows the new frame.
-            static_tf: announces the frames that are fixed to the egos.
-        """
-        self._scene = scene
-        self._egos = egos
-        self._ego_interfaces = ego_interfaces
-        self._interfaces = interfaces
-        self._publishers = publishers
-        self._hooks = hooks
-        self._sync = sync
-        self._sync_driver = sync_driver
-        self._sync_info = sync_info
-        self._stepper = stepper
-        self._time = time
-        self._static_tf = static_tf
+    scene: Scene
+    egos: EgoRegistry
+    ego_interfaces: EgoInterfaces
+    interfaces: InterfaceRegistry
+    publishers: Publishers
+    hooks: Hooks
+    sync: Sync[SceneCommand]
+    sync_driver: SyncDriver
+    sync_info: SyncInfo
+    stepper: FrameStepper
+    time: SimulationTime
+    static_tf: StaticTf
 
     def carry_out(self, load: Load, *, is_pausing: bool, now: float, network: NetworkSettings | None = None) -> None:
         """Load a prepared scenario.
@@ -93,28 +78,28 @@ class SceneChanges:
                 the network settings cannot be used; then nothing has changed.
         """
         if network is not None:
-            self._interfaces.check(network)
-        for prepare in self._hooks.on_scene_change:
+            self.interfaces.check(network)
+        for prepare in self.hooks.on_scene_change:
             prepare(now)
-        egos = self._egos
+        egos = self.egos
         poses = [ego.pose for ego in egos]
-        self._scene.carry_out(load)
+        self.scene.carry_out(load)
         egos.keep_odometry(poses)
         if load.egos:
             egos.first.reset_controls()
         gone = [ego for ego in egos if not ego.is_there]
         for ego in gone:
-            self._ego_interfaces.drop(ego, now)
+            self.ego_interfaces.drop(ego, now)
         egos.drop(gone)
         for ego in egos:
             ego.resume()
         if network is not None:
-            self._interfaces.change(network, now)
+            self.interfaces.change(network, now)
         egos.forget_statuses()
-        self._static_tf.announce(now)
+        self.static_tf.announce(now)
         if is_pausing:
-            self._sync_driver.pause(now)
-        for follow in self._hooks.on_new_scene:
+            self.sync_driver.pause(now)
+        for follow in self.hooks.on_new_scene:
             follow(now)
 
     def reset(self, seed: int | None, now: float) -> None:
@@ -127,25 +112,25 @@ class SceneChanges:
             GraphError: frames are being computed, for example because a subscriber asks for a reset when it gets a
                 message.
         """
-        if self._stepper.is_moving:
+        if self.stepper.is_moving:
             raise GraphError("the world is moving")
-        for prepare in self._hooks.on_scene_change:
+        for prepare in self.hooks.on_scene_change:
             prepare(now)
-        egos = self._egos
+        egos = self.egos
         for ego in list(egos)[1:]:
-            self._ego_interfaces.drop(ego, now)
-        self._scene.reset(seed)
+            self.ego_interfaces.drop(ego, now)
+        self.scene.reset(seed)
         egos.reset()
-        for forget in self._hooks.on_reset:
+        for forget in self.hooks.on_reset:
             forget()
-        self._publishers.forget_repeats()
-        self._time.follow()
+        self.publishers.forget_repeats()
+        self.time.follow()
         egos.forget_statuses()
-        self._sync_info.announce(now)
-        self._static_tf.announce_again(now)  # the latched message is of frame 0 again
-        for follow in self._hooks.on_new_scene:
+        self.sync_info.announce(now)
+        self.static_tf.announce_again(now)  # the latched message is of frame 0 again
+        for follow in self.hooks.on_new_scene:
             follow(now)
-        self._sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
+        self.sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float, *, is_last: bool = True) -> None:
         """Add further egos to the world, each with its own topics and services; all of them or none.
@@ -159,7 +144,7 @@ class SceneChanges:
             FieldError: a number that no ego can have, or too many egos.
             GraphError: a client has given one of the topics another type.
         """
-        egos, world = self._egos, self._scene.world
+        egos, world = self.egos, self.scene.world
         for setting in settings:
             if setting.index < FIRST_FREE_EGO:
                 raise FieldError(f"ego_index: expected {FIRST_EGO}, {FIRST_FREE_EGO} or more, got {setting.index}")
@@ -171,18 +156,18 @@ class SceneChanges:
         try:
             for setting in settings:
                 gear = setting.gear or egos.first.gear
-                uid = self._scene.add_ego(egos.first.uid, setting.pose, gear, setting.model)
+                uid = self.scene.add_ego(egos.first.uid, setting.pose, gear, setting.model)
                 ego = egos.create(setting.index, uid)
                 added.append(ego)
-                self._ego_interfaces.bind(ego)
+                self.ego_interfaces.bind(ego)
         except PeerError:
             for ego in added:
-                self._ego_interfaces.drop(ego, now)
+                self.ego_interfaces.drop(ego, now)
                 world.remove(ego.uid)
             raise
         egos.add(added)
         if is_last:
-            self._static_tf.announce(now)
+            self.static_tf.announce(now)
 
     def drop_egos(self, gone: Sequence[Ego], now: float) -> None:
         """Take further egos away, with their topics and services. Commands that wait for them are forgotten.
@@ -191,9 +176,9 @@ class SceneChanges:
             gone: none of them is the first.
         """
         for ego in gone:
-            self._ego_interfaces.drop(ego, now)
+            self.ego_interfaces.drop(ego, now)
             if ego.is_there:
-                self._scene.world.remove(ego.uid)
-            self._sync.drop(partial(moves, uid=ego.uid))
-        self._egos.drop(gone)
-        self._static_tf.announce(now)
+                self.scene.world.remove(ego.uid)
+            self.sync.drop(partial(moves, uid=ego.uid))
+        self.egos.drop(gone)
+        self.static_tf.announce(now)

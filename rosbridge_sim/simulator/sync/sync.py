@@ -213,7 +213,7 @@ class Sync(WaitingCommands[C]):
         if step % FRAME_MS or not 0 < step <= MAX_STEP_MS or len(user_id) > MAX_USER_ID:
             event = SyncEvent.START_MISFIT
         else:
-            event = SyncEvent.START_BY_MASTER if self._is_master(user_id) else SyncEvent.START_BY_OTHER
+            event = SyncEvent.START_BY_MASTER if self.is_master(user_id) else SyncEvent.START_BY_OTHER
         return self._follow(SyncHappening(event, now, user_id=user_id, step_ms=step, holder=holder))
 
     def stop(self, user_id: str, now: float) -> SyncOutcome:
@@ -222,7 +222,7 @@ class Sync(WaitingCommands[C]):
         Args:
             user_id: the id that the peer stops with.
         """
-        is_allowed = self._is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
+        is_allowed = self.is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
         return self._follow(SyncHappening(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER, now))
 
     def tick(
@@ -273,7 +273,7 @@ class Sync(WaitingCommands[C]):
             holder: the peer who asks.
             on_wait: called once if the ticks wait.
         """
-        if not self._is_master(user_id):
+        if not self.is_master(user_id):
             return self._follow(SyncHappening(SyncEvent.TICK_BY_OTHER, now))
         self._hear(holder, now)
         return self._follow(SyncHappening(SyncEvent.TICK_EARLY, now, self.num_frames, num_ticks, on_wait))
@@ -289,7 +289,7 @@ class Sync(WaitingCommands[C]):
             False if nothing has happened, because the tick has to wait, has more frames or is refused; see `step`.
         """
         is_next = self.state is SyncState.LED and self.step_ms == FRAME_MS and not self._is_early(frame + 1)
-        if not is_next or not self._is_master(user_id):
+        if not is_next or not self.is_master(user_id):
             return False
         self._hear(holder, now)
         prepare()
@@ -406,10 +406,6 @@ class Sync(WaitingCommands[C]):
         self._num_arrived = len(self.queue)
         heapq.heapify(self.queue)
 
-    def is_master(self, user_id: str) -> bool:
-        """Return whether this id may tick."""
-        return self._is_master(user_id)
-
     def forget(self, now: float) -> SyncOutcome:
         """Drop everything that waits, because the world was reset. The mode stays as it is."""
         outcome = self._follow(SyncHappening(SyncEvent.RESET, now))
@@ -449,7 +445,8 @@ class Sync(WaitingCommands[C]):
         due = self.lease_due
         return None if due is None or now < due else self._follow(SyncHappening(self._loss, now))
 
-    def _is_master(self, user_id: str) -> bool:
+    def is_master(self, user_id: str) -> bool:
+        """Return whether this id may tick."""
         return user_id == self.master_id and user_id != ""
 
     def _hear(self, holder: object, now: float) -> None:

@@ -199,7 +199,7 @@ async def test_topic_has_the_type_of_its_first_publisher_in_the_bag(
         await talker.send("unadvertise", topic="/t")
         await talker.settle()
         assert sim.bus is not None
-        sim.bus.forget_topic("/t")
+        sim.bus.topic_table.forget_topic("/t")
         for _ in range(2):
             await talker.send("publish", topic="/t", type="std_msgs/Int32", msg={"data": 7})
         await talker.settle()
