@@ -40,7 +40,8 @@ def main() -> None:
         seen, _ = many.reset(seed=SEED)
         for _ in range(round(SECONDS * 10.0)):
             seen, *_ = many.step(park(seen) if task.goal == "bay" else by_rule(seen, task))
-        picture = Image.fromarray(np.asarray(many.render()[0])).resize(SIZE, Image.Resampling.LANCZOS).quantize(64)
+        whole = Image.fromarray(np.asarray(many.render()[0])).resize(SIZE, Image.Resampling.LANCZOS)
+        picture = whole.quantize(64, method=Image.Quantize.MAXCOVERAGE)  # by median cuts a small ego turns blue
         path = ROOT / "docs" / "images" / f"env_{name.partition('/')[2][:-3].lower()}.png"
         picture.save(path, optimize=True)
         print(path.name, path.stat().st_size)
