@@ -299,6 +299,7 @@ WITHOUT_SERVER = (
     "own-reward",
     "own-observation",
     "several-egos",
+    "copied-environment",
     "cleanrl",
 )
 """Programs in Python that need no server."""

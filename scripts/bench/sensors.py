@@ -35,7 +35,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.client import Client
-from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, mount
+from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, mount, rotation
 from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel
@@ -140,7 +140,7 @@ def readings(name: str, rounds: int) -> None:
     for width, height in SIZES:
         camera, pose = CameraModel(width, height, 90.0), mount(car, CAMERA)
         eye = np.array(pose[:3]) - static.origin
-        bare, (view, _) = BareRenderer(static, (width, height)), _matrices(camera, pose, eye)
+        bare, (view, _) = BareRenderer(static, (width, height)), _matrices(camera, rotation(*pose[3:]), eye)
 
         draw = partial(renderer.render, static, frame, camera, pose)
         own = cost(partial(draw, channels=Channel.RGB), rounds)

@@ -13,7 +13,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from rosbridge_sim.cli.tools.tool_client import open_bridge
-from rosbridge_sim.cli.tools.topic import echo
+from rosbridge_sim.cli.tools.topic import Echo, echo
 from tests.cli.tool_fixture import (
     Frame,
     Reply,
@@ -185,7 +185,7 @@ async def test_answer_without_a_result_field_is_accepted() -> None:
 
     async with other_server(reply) as url:
         done = await in_the_background("topic", "list", "-t", url=url)
-    assert done.lines == ["/a  ?"]
+    assert done.lines == ["/a [?]"]
 
 
 async def test_control_characters_in_names_do_not_reach_the_terminal() -> None:
@@ -256,7 +256,7 @@ async def test_echo_reports_a_silent_server_and_goes_on_waiting(capsys: pytest.C
     silence = asyncio.Event()
     async with talking_server(handle) as url, open_bridge(url, None, float(SHORT)) as bridge:
         loop = asyncio.get_running_loop()
-        tool = asyncio.create_task(echo(bridge, "/chatter", None, None, 1, patience=None, is_json=False))
+        tool = asyncio.create_task(echo(bridge, "/chatter", None, None, 1, patience=None, form=Echo()))
         await asked.wait()
         loop.call_later(4 * float(SHORT), silence.set)
         assert await tool == 0

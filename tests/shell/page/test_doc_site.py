@@ -7,6 +7,7 @@ import re
 from collections.abc import AsyncIterator
 from html import unescape
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
@@ -114,4 +115,4 @@ def test_every_page_loads_from_the_server_alone_and_each_link_has_a_target() -> 
                 continue
             there = target.removeprefix("/docs/") if path else name
             assert there in table, (name, place)
-            assert not anchor or f'id="{anchor}"' in pages[there], (name, place)
+            assert not anchor or f'id="{unquote(anchor)}"' in pages[there], (name, place)

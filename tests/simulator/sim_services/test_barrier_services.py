@@ -343,7 +343,7 @@ def test_failed_step_is_told_to_all_who_wait(monkeypatch: pytest.MonkeyPatch) ->
     def fail(*_args: object, **_options: object) -> None:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(harness.node.context.stepper, "compute", fail)
+    monkeypatch.setattr(type(harness.node.context.stepper), "compute", fail)
     ends = [tick(a, harness, "a"), tick(b, harness, "b")]
     assert all(isinstance(one, str) for (one,) in ends)
 
