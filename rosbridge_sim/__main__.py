@@ -20,8 +20,6 @@ from collections.abc import Callable, Sequence
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["main"]
-
 
 def main() -> int:
     """Run the command that the command line names; return the exit code."""

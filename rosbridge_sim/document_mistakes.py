@@ -33,8 +33,6 @@ from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.not_json import explain_not_json
 from rosbridge_sim.printable import printable
 
-__all__ = ["CheckedModel", "adapter_of", "list_mistakes", "read_model", "read_slowly", "schema_of"]
-
 T = TypeVar("T")
 
 MAX_VALUE_SHOWN = 40

@@ -14,8 +14,6 @@ import msgspec
 from rosbridge_sim.documents import DocumentType, Mistake
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["MistakeNotReadyError", "content_of", "document_schema", "find_mistakes", "learn_mistakes", "read_document"]
-
 T = TypeVar("T")
 
 

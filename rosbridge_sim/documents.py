@@ -35,29 +35,6 @@ from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 
-__all__ = [
-    "FLAG",
-    "MAX_DOCUMENT_COORDINATE",
-    "MAX_KEY_SHOWN",
-    "NUMBER",
-    "WHOLE",
-    "Coordinate",
-    "Document",
-    "DocumentType",
-    "KeptAsWritten",
-    "LenientBool",
-    "Mistake",
-    "Number",
-    "Ratio",
-    "SortedKeys",
-    "Spelling",
-    "Whole",
-    "fields_of",
-    "keys_beside",
-    "number_spelling",
-    "sort_keys",
-]
-
 T = TypeVar("T")
 
 MAX_KEY_SHOWN: Final = 100

@@ -27,18 +27,6 @@ from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "FUNCTIONS",
-    "MAX_EXPRESSION_LENGTH",
-    "RUNNING",
-    "Expression",
-    "Following",
-    "TopicField",
-    "Value",
-    "is_name",
-    "parse_expression",
-]
-
 Value = float | int | bool | str
 """A value of an expression; bool and int keep their types."""
 

@@ -11,8 +11,6 @@ import binascii
 
 import pybase64
 
-__all__ = ["LEAST", "MARK", "LongBody", "LongText", "find_long_text", "put_back"]
-
 MARK = "~long text 5c1d0e8b~"
 """Stands for the long text. A text that has this twice is decoded as usual."""
 

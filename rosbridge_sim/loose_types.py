@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any, TypeAlias
 
-__all__ = ["JsonValue", "LibraryArgument", "Struct"]
-
 Struct: TypeAlias = Any
 """A struct class that `schema/compile.py` has made for a message type; it has the fields of the type."""
 

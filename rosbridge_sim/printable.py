@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["MAX_QUOTED", "printable"]
-
 MAX_QUOTED = 200
 """Characters of a path or a type name in an error text: far more than any real one has."""
 

@@ -13,8 +13,6 @@ from itertools import islice, pairwise
 
 from rosbridge_sim.printable import printable
 
-__all__ = ["find_misspelt", "hint", "listing"]
-
 MAX_COMPARED_NAME = 80
 """Longest name that gets a suggestion [characters]: longer than any topic, type or field of this package."""
 

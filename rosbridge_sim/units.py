@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["KMH_TO_MPS", "MPS_TO_KMH"]
-
 MPS_TO_KMH: Final = 3.6
 """Kilometres an hour in one metre a second."""
 

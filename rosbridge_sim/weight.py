@@ -18,20 +18,6 @@ import numpy.typing as npt
 
 from rosbridge_sim.records import Record
 
-__all__ = [
-    "FEW",
-    "FULL",
-    "LIGHT",
-    "Bounds",
-    "Weight",
-    "claim",
-    "count_few",
-    "real_quotes",
-    "weigh",
-    "weigh_exactly",
-    "weigh_in_slices",
-]
-
 _SLICE = 256 * 1024
 """Bytes of one slice: they stay in the processor's cache; 1 ms of work if the content of texts is ignored."""
 

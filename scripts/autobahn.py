@@ -26,8 +26,6 @@ from rosbridge_sim.shell.transport.inflate import Deflated, LateDeflate, LateDef
 from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.transport.text_check import TextCheck
 
-__all__ = ["compare", "run"]
-
 MAX_SIZE = 2**26
 """Largest message [bytes]; the longest one of a case is 16 MB."""
 

@@ -26,8 +26,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import Final
 
-__all__ = ["NAMES", "find_loads", "find_loads_in_css", "find_loads_in_html", "find_lost_names"]
-
 LOADING: Final[dict[str, tuple[str, ...]]] = {
     "audio": ("src",),
     "embed": ("src",),

@@ -26,8 +26,6 @@ from scripts.drawing.roundabout import roundabout_files, roundabout_scenario  # 
 from scripts.drawing.town import town_files, town_scenario  # noqa: E402
 from scripts.drawing.track import demo_scenario, track_files  # noqa: E402
 
-__all__ = ["demo_scenario", "drawn", "track_files"]
-
 DATA = ROOT / "rosbridge_sim" / "data"
 
 MAPS = {

@@ -37,8 +37,6 @@ from rosbridge_sim.world.step import step  # noqa: E402
 from scripts.soak.traffic_cells import Cell, world_of  # noqa: E402
 from scripts.trajectory_cases import CASES, Box  # noqa: E402
 
-__all__ = ["Trace", "draw", "record"]
-
 WIDTH: Final = 1600
 STRIP: Final = 260
 """Width of the picture, and height of the speeds below it [px]."""

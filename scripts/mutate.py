@@ -39,8 +39,6 @@ sys.path.insert(0, str(ROOT))
 from scripts.mutation.warm_tests import PACKAGE, Target, Tests, run_warm  # noqa: E402 - needs the path above
 from tests.world.processors import WITHOUT_AVX_512, is_without_avx_512  # noqa: E402 - as above
 
-__all__ = ["FEW", "TESTS", "are_enough", "files_of", "known_survivors", "main"]
-
 SURVIVORS = ROOT / "scripts" / "mutation" / "survivors.toml"
 """The mutants that live for a reason."""
 

@@ -13,8 +13,6 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["find_tests", "imports_of"]
-
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ("rosbridge_sim", "tests", "scripts")
 

@@ -17,8 +17,6 @@ from scripts.soak.traffic_cells import Cell, world_of
 WALK = -38.8
 """East of the crosswalk on the western arm of the roundabout [m]."""
 
-__all__ = ["CASES", "Box", "Case"]
-
 Box = tuple[float, float, float, float]
 """West, south, east, north [m]."""
 

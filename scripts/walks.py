@@ -31,8 +31,6 @@ from websockets.asyncio.client import ClientConnection, connect  # noqa: E402
 
 from rosbridge_sim import Simulator  # noqa: E402
 
-__all__ = ["PUBLISH", "TICK", "Figures", "Visit", "figures_of", "measure_walks", "write_walks"]
-
 PAGE: Final = ROOT / "docs" / "architecture.md"
 PACKAGE: Final = ROOT / "rosbridge_sim"
 

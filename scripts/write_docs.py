@@ -31,8 +31,6 @@ from scripts.docs_pages.rooms import PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
 from scripts.walks import write_walks  # noqa: E402
 
-__all__ = ["DOCS", "GENERATED", "find_outdated"]
-
 DOCS: Final = ROOT / "docs"
 
 GENERATED: Final[dict[str, Callable[[], str]]] = {

@@ -18,8 +18,6 @@ from rosbridge_sim.scenarios.scenario_model import why_without_effect
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["check_job", "find_scenario_mistakes"]
-
 
 def check_job(job: Job) -> Campaign:
     """Return a campaign that can be driven, as far as that can be told before.

@@ -29,9 +29,6 @@ from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.message_types import MessageTypes
 
-__all__ = ["Job", "LoadedJob", "load_callable", "open_job", "read_job"]
-
-
 MAX_LIBRARIES: Final = 16
 """Most libraries of own maps and catalogues that are kept."""
 

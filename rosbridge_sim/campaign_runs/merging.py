@@ -10,8 +10,6 @@ from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["merge_folders"]
-
 
 def merge_folders(folders: Sequence[ResultsFolder], into: ResultsFolder) -> list[Result]:
     """Write the results of some folders into a new one, with the files that are kept.

@@ -19,8 +19,6 @@ from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.worlds.drivable_worlds import Commands, DrivableWorlds
 
-__all__ = ["NodeWorlds"]
-
 
 class NodeWorlds(DrivableWorlds):
     """The worlds of some simulators, which move together.

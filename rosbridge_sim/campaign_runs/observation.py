@@ -12,8 +12,6 @@ import numpy.typing as npt
 from rosbridge_sim.expressions import Value
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 
-__all__ = ["Observation"]
-
 Array = npt.NDArray[np.float64]
 
 

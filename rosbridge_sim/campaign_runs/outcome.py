@@ -11,8 +11,6 @@ from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.trace import Trace
 from rosbridge_sim.printable import MAX_QUOTED, printable
 
-__all__ = ["KeptOutput", "Outcome", "told_error", "told_trace"]
-
 HEAD = 32 * 1024
 TAIL = 96 * 1024
 """Bytes of a driver's output that are kept, of its beginning and of its end."""

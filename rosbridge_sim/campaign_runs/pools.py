@@ -23,8 +23,6 @@ from rosbridge_sim.campaign_runs.worker import KILLED, RETIRED, drive_in_worker,
 from rosbridge_sim.campaigns.run_results import Result, Run
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["LocalPool", "Pool", "open_pool"]
-
 
 class Pool(Protocol):
     """Takes runs, and gives results later."""

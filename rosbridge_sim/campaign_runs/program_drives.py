@@ -39,8 +39,6 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-__all__ = ["drive_by_program"]
-
 NUM_CLIENTS: Final = "/client_count"
 """Topic with the number of clients."""
 

@@ -18,8 +18,6 @@ import sys
 from pathlib import Path
 from typing import Final
 
-__all__ = ["adopt_orphans", "children", "end_children", "end_groups", "note_group"]
-
 NOTE: Final = "group"
 """Name of the file in the folder of a run."""
 

@@ -35,8 +35,6 @@ from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["drive_in_python"]
-
 Command = Mapping[str, Any]
 Decide = Callable[[Any], Command]
 """Returns commands for worlds."""

@@ -18,8 +18,6 @@ from rosbridge_sim.campaign_runs.worker import drive_runs
 from rosbridge_sim.campaigns.run_results import Result, Run
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["RayPool"]
-
 MAX_RETRIES: Final = 5
 """So often Ray drives a run again whose worker or node was lost."""
 

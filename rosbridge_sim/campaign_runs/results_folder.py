@@ -30,8 +30,6 @@ from rosbridge_sim.version import __version__
 if TYPE_CHECKING:  # to list results needs nothing that drives
     from rosbridge_sim.campaign_runs.job import Job
 
-__all__ = ["SUMMARY_FILES", "ResultsFolder", "check_folder", "read_text_of", "run_folder"]
-
 CAMPAIGN: Final = "campaign.toml"
 ABOUT: Final = "campaign.json"
 RESULTS: Final = "results.jsonl"

@@ -11,8 +11,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["find_roads"]
-
 REACH: Final = 150.0
 """Lanes within this distance of the last place are drawn [m]."""
 

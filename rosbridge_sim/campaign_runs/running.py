@@ -19,8 +19,6 @@ from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.run_results import BAD, Result, Run
 from rosbridge_sim.records import replace
 
-__all__ = ["CampaignRunner", "Tell", "cut_into_tasks"]
-
 Tell = Callable[[Result], None]
 
 SPARE: Final = 30.0

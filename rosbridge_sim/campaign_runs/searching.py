@@ -11,8 +11,6 @@ from rosbridge_sim.campaigns.run_results import BAD, Result, Run
 from rosbridge_sim.campaigns.search import MakeStrategy, Search
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["drive_search", "load_strategy"]
-
 
 def drive_search(runner: CampaignRunner, there: Mapping[int, Result]) -> None:
     """Search in each group of a campaign.

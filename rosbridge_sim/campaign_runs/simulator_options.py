@@ -15,16 +15,6 @@ from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "GROUPS",
-    "NEED_A_SERVER",
-    "OWN_SETTINGS",
-    "WORLD_SETTINGS",
-    "check_settings",
-    "make_work_folder",
-    "simulator_options",
-]
-
 OWN_SETTINGS: Final = frozenset({"scenario", "seed", "port", "host", "start", "score", "record", "data_dir", "config"})
 """Settings that belong to the campaign."""
 

@@ -20,8 +20,6 @@ from rosbridge_sim.campaign_runs.results_folder import SUMMARY_FILES, ResultsFol
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import MAX_QUOTED, printable
 
-__all__ = ["open_results", "temporary_folder"]
-
 ADDRESS: Final = re.compile(r"[a-z][a-z0-9+.-]+://.+")
 
 STORED_EVERY: Final = 60.0

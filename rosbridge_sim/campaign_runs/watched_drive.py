@@ -18,8 +18,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["WatchedDrive"]
-
 _log = logging.getLogger("rosbridge_sim.campaign")
 
 

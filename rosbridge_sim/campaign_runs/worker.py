@@ -28,8 +28,6 @@ from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 
-__all__ = ["KILLED", "RETIRED", "drive_in_worker", "drive_runs", "settle_worker"]
-
 
 def settle_worker() -> None:
     """Prepare a worker process for what drivers may do.

@@ -13,8 +13,6 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-__all__ = ["data_size", "limited_memory"]
-
 
 def data_size() -> int:
     """Return the private memory of this process, as its bound counts it [bytes]; 0 where that cannot be told."""

@@ -15,8 +15,6 @@ from rosbridge_sim.campaigns.report import MAX_DETAILS, Details, PageParts, writ
 from rosbridge_sim.campaigns.run_results import BAD, MOST, Result
 from rosbridge_sim.campaigns.trace import FIGURES
 
-__all__ = ["write_all"]
-
 PAGE: Final = Path(__file__).resolve().parents[1] / "page" / "report"
 
 MAX_READ: Final = 32 * 2**20

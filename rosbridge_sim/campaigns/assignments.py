@@ -17,8 +17,6 @@ from rosbridge_sim.expressions import Expression, Value, parse_expression
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 
-__all__ = ["Assignment", "Change", "change_document", "path_text", "read_assignments"]
-
 _PART: Final = re.compile(r"([A-Za-z_]\w*)((?:\[\d{1,5}\])*)")
 _TARGET: Final = re.compile(r"(scenario|setting)\.(.+)|vehicle")
 

@@ -16,8 +16,6 @@ from rosbridge_sim.expressions import Expression, TopicField, Value, is_name, pa
 from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.records import Record
 
-__all__ = ["Campaign", "Group", "RunValues", "check_search", "is_skipped", "names_of", "plan_runs", "read_campaign"]
-
 
 class Group(Record):
     """A scenario with a driver and a seed: what a search varies the parameters of."""

@@ -29,21 +29,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "MAX_RUNS",
-    "MAX_VALUES",
-    "CampaignDocument",
-    "DriverItem",
-    "LimitItem",
-    "OutputItem",
-    "ParameterItem",
-    "ParameterValue",
-    "Place",
-    "SearchItem",
-    "campaign_schema",
-    "read_campaign_document",
-]
-
 MAX_CAMPAIGN_BYTES: Final = 1 << 20
 MAX_RUNS: Final = 100_000
 """Most runs of a campaign: a table of 30 MB, and weeks on two cores."""

@@ -9,8 +9,6 @@ from typing import Any, Final
 
 from rosbridge_sim.campaigns.run_results import BAD, Result
 
-__all__ = ["Comparison", "compare_results"]
-
 MAX_LINES: Final = 50
 """Most runs that are listed of each kind; JSON has all."""
 

@@ -19,8 +19,6 @@ from rosbridge_sim.expressions import Expression, TopicField, parse_expression
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 
-__all__ = ["Limits", "OwnCheck", "judge_trace", "read_limits"]
-
 OwnCheck = Callable[[Trace], object]
 """A function of the user: returns None, or what is wrong."""
 

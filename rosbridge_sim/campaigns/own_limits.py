@@ -15,8 +15,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Following, Value
 from rosbridge_sim.printable import printable
 
-__all__ = ["OwnLimits"]
-
 
 class OwnLimits:
     """The own limits of a campaign over one drive.

@@ -13,8 +13,6 @@ from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, MAX_VALUES, Campaig
 from rosbridge_sim.campaigns.run_results import Point
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["expand_parameters", "has_switch", "middle_of", "place_in", "ranges_of", "tidy"]
-
 _DIGITS: Final = 12
 """Significant digits of computed values: 0.1 + 0.2 is 0.3, in the table and in the world."""
 

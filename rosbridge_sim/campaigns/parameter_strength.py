@@ -17,8 +17,6 @@ import numpy.typing as npt
 from rosbridge_sim.campaigns.run_results import BAD
 from rosbridge_sim.campaigns.tables import Cell
 
-__all__ = ["strongest_parameters"]
-
 NUM_NEIGHBOURS: Final = 5
 
 MAX_LOOKED_AT: Final = 200

@@ -16,8 +16,6 @@ from rosbridge_sim.campaigns.run_results import BAD, SCORES, VERDICTS, Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of
 from rosbridge_sim.records import Record
 
-__all__ = ["MAX_DETAILS", "Details", "PageParts", "write_report"]
-
 MAX_DETAILS: Final = 50
 """Most runs with pictures: 20 kB each. The others have their folder, and `campaign show`."""
 

@@ -7,8 +7,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
-__all__ = ["draw_curve", "draw_scene"]
-
 _WIDTH: Final = 420
 _CURVE_HEIGHT: Final = 108
 _TOP: Final = 20

@@ -7,8 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
-__all__ = ["BAD", "MOST", "SCORES", "VERDICTS", "Breach", "Point", "Result", "Run", "Verdict"]
-
 Point: TypeAlias = Mapping[str, bool | int | float | str]
 """Values of the parameters of a run, by name."""
 

@@ -17,8 +17,6 @@ from rosbridge_sim.campaigns.run_results import SCORES, Point, Result
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import parse_expression
 
-__all__ = ["MakeStrategy", "Search"]
-
 HARMLESS: Final = 1e6
 """Value of a run that nothing can be said about, and the most that counts: an infinite time to collision is this."""
 

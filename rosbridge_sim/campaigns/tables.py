@@ -15,8 +15,6 @@ from typing import Final
 
 from rosbridge_sim.campaigns.run_results import SCORES, Result
 
-__all__ = ["Cell", "columns_of", "write_junit", "write_table", "write_times"]
-
 _FIRST: Final = ("run", "driver", "scenario", "seed")
 _JUDGED: Final = ("verdict", "limit", "at", "x", "y", "reason")
 _LAST: Final = ("frames", "state_hash")

@@ -10,8 +10,6 @@ from rosbridge_sim.expressions import TopicField, Value
 from rosbridge_sim.printable import printable
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["TopicValues"]
-
 MAX_TEXT = 1_000
 """Characters of a text in a message that are kept."""
 

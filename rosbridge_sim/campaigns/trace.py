@@ -16,8 +16,6 @@ from rosbridge_sim.expressions import Expression, Following, Value
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["FIGURES", "Judge", "Neighbours", "Trace", "TraceRecorder"]
-
 _COLUMNS: Final = {
     **{name: name for name in ("x", "y", "z", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate")},
     **{name: name for name in ("steer", "throttle", "brake")},

@@ -22,8 +22,6 @@ from rosbridge_sim.link.arguments import Parser
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.tool_client import Bridge
 
-__all__ = ["run_bag", "run_record"]
-
 _speed = make_number(0.001, 1e4, "a factor, at most 10,000", float)
 
 

@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 else:
     service, topic = LazyTool("service"), LazyTool("topic")
 
-__all__ = ["run_layout", "run_service", "run_topic", "run_wait"]
-
 DEFAULT_RATE = 1.0
 """Default rate of `pub` [Hz], as in `ros2 topic pub`."""
 

@@ -17,21 +17,6 @@ from rosbridge_sim.link.urls import shown_url
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.tool_client import Bridge
 
-__all__ = [
-    "ANSWER_PATIENCE",
-    "CALL_PATIENCE",
-    "COUNT",
-    "SECONDS",
-    "add_bridge",
-    "add_count",
-    "add_server",
-    "add_types",
-    "add_without_effect",
-    "bridge_group",
-    "take_type",
-    "with_bridge",
-]
-
 DEFAULT_URL = "ws://127.0.0.1:9090"
 
 ANSWER_PATIENCE = 5.0

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number, run_command
 from rosbridge_sim.link.arguments import Parser
 
-__all__ = ["run_campaign"]
-
 
 def run_campaign(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim campaign ...`."""

@@ -24,20 +24,6 @@ from rosbridge_sim.link.bridge_errors import RefusedError
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.schema import DefinitionSources
 
-__all__ = [
-    "OUTPUT_LOST",
-    "LazyTool",
-    "Options",
-    "add_definitions",
-    "add_json",
-    "command_of",
-    "definition_sources_of",
-    "drop_output",
-    "group_of",
-    "make_number",
-    "run_command",
-]
-
 INTERRUPTED = 130
 """Exit code of a program that Ctrl-C has ended, as in a shell."""
 

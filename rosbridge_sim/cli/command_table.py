@@ -22,8 +22,6 @@ from rosbridge_sim.cli.simulator_commands import (
     run_tick,
 )
 
-__all__ = ["TOOLS"]
-
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "topic": run_topic,
     "service": run_service,

@@ -16,9 +16,6 @@ from rosbridge_sim.cli.command_line import (
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
-__all__ = ["run_docs", "run_interface", "run_map", "run_scenario", "run_schema"]
-
-
 # schema
 
 

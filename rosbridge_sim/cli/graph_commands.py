@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 else:
     action, node, param = map(LazyTool, ("action", "node", "param"))
 
-__all__ = ["run_action", "run_node", "run_param"]
-
 
 def run_node(argv: Sequence[str]) -> int:
     """Run `rosbridge-sim node`."""

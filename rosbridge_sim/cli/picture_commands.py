@@ -18,8 +18,6 @@ from rosbridge_sim.cli.command_line import (
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
-__all__ = ["run_clip", "run_shot"]
-
 CHASE = "chase"
 """View from behind the ego."""
 

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from rosbridge_sim.cli.bridge_flags import SECONDS
 from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number, run_command
 
-__all__ = ["run_ros2"]
-
 DEFAULT_PATIENCE = 3.0
 """Longest wait for a server [s]; programs of DDS find each other within a second."""
 

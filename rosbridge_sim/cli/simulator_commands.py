@@ -16,17 +16,6 @@ from rosbridge_sim.cli.command_line import (
 )
 from rosbridge_sim.errors import SettingError
 
-__all__ = [
-    "run_restore",
-    "run_score",
-    "run_sensor",
-    "run_snapshot",
-    "run_spawn",
-    "run_step",
-    "run_sync",
-    "run_tick",
-]
-
 TICK_ID = "rosbridge-sim"
 """Default user id of `tick`: always the same, so that a second run is the same master."""
 

@@ -19,8 +19,6 @@ from rosbridge_sim.environments.judgement import Index
 from rosbridge_sim.world.state.world import Gear
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["MAX_ACCEL", "MAX_STEER", "META_ACTIONS", "ActionKind", "make_action"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

@@ -16,8 +16,6 @@ from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["EgoCameras"]
-
 FOV_DEG: Final = 90.0
 
 PLACE: Final = Pose(1.8, 0.0, 2.0, 0.0, math.radians(7.0), 0.0)

@@ -12,8 +12,6 @@ from gymnasium.vector import AutoresetMode
 from rosbridge_sim.environments.driving_vector_env import RENDER_MODES, DrivingVectorEnv
 from rosbridge_sim.environments.observations import Seen, pick
 
-__all__ = ["DrivingEnv"]
-
 Array = npt.NDArray[Any]
 
 

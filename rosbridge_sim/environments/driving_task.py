@@ -14,8 +14,6 @@ from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["ACTIONS", "EPISODE_STEPS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask", "read_task"]
-
 EPISODE_STEPS: Final = 400
 """Steps until an episode is truncated, where nothing else is said: 40 s, with `frame_skip` 5."""
 

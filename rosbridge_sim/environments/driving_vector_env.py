@@ -23,8 +23,6 @@ from rosbridge_sim.worlds.worlds import Worlds
 if TYPE_CHECKING:
     from rosbridge_sim.environments.human_view import HumanView
 
-__all__ = ["RENDER_MODES", "DrivingVectorEnv"]
-
 Array = npt.NDArray[Any]
 
 RENDER_MODES: Final = ["human", "rgb_array"]

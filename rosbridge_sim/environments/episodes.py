@@ -18,8 +18,6 @@ from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 if TYPE_CHECKING:
     from rosbridge_sim.environments.camera import EgoCameras
 
-__all__ = ["FIRST_EGOS", "Episodes"]
-
 BoolArray = npt.NDArray[np.bool_]
 
 FIRST_EGOS: Final[Index] = (slice(None), 0)

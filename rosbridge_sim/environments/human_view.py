@@ -10,8 +10,6 @@ from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.simulator.snapshots.node_state import NodeState
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["HumanView"]
-
 LATEST: Final = 0.5
 """If a picture is later than this, those behind it are shown in real time from then on [s]."""
 

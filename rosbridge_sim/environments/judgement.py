@@ -7,8 +7,6 @@ import numpy.typing as npt
 
 from rosbridge_sim.records import Record
 
-__all__ = ["BoolArray", "FloatArray", "Index", "Judgement"]
-
 FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 

@@ -30,21 +30,6 @@ from rosbridge_sim.worlds.occupancy import num_cells
 if TYPE_CHECKING:
     from rosbridge_sim.environments.camera import EgoCameras
 
-__all__ = [
-    "AHEAD",
-    "GOAL_FIGURES",
-    "LANE_FIGURES",
-    "LIGHT_FIGURES",
-    "OBSERVATION_PARTS",
-    "Seen",
-    "achieved_goals",
-    "bounds_of",
-    "desired_goals",
-    "observe",
-    "pick",
-    "space_of",
-]
-
 FloatArray = npt.NDArray[np.float64]
 Seen = Any
 """An array, or a dict of arrays."""

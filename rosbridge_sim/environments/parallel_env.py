@@ -17,8 +17,6 @@ from rosbridge_sim.environments.observations import Seen, pick, space_of
 from rosbridge_sim.environments.top_view import draw
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["DrivingParallelEnv"]
-
 Array = npt.NDArray[Any]
 Figures = dict[str, Any]
 

@@ -9,8 +9,6 @@ import gymnasium
 
 from rosbridge_sim.environments.driving_task import EPISODE_STEPS, DrivingTask
 
-__all__ = ["REMOTE", "TASKS", "register_all"]
-
 REMOTE: Final = "rosbridge_sim/RemoteDrive-v0"
 """`Drive-v0` in the world of a server."""
 

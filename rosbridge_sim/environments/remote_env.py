@@ -8,8 +8,6 @@ from rosbridge_sim.environments.driving_env import DrivingEnv
 from rosbridge_sim.environments.driving_vector_env import DrivingVectorEnv
 from rosbridge_sim.worlds.remote_worlds import RemoteWorlds
 
-__all__ = ["RemoteDrivingEnv"]
-
 
 class RemoteDrivingEnv(DrivingEnv):
     """An environment in the world of a server, which this program alone moves.

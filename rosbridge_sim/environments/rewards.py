@@ -14,8 +14,6 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.world.geometry.planar import wrap_angle
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["distance_to_goal", "goal_cost", "judge", "stands_in_bay"]
-
 GOAL_WEIGHTS: Final = (1.0, 1.0, 0.0, 0.0, 0.02, 0.02)
 """Weights of the differences to a goal in the reward: those of highway-env's parking, with both places alike."""
 

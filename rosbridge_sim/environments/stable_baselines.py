@@ -17,8 +17,6 @@ from rosbridge_sim.environments.driving_vector_env import DrivingVectorEnv
 from rosbridge_sim.environments.observations import Seen
 from rosbridge_sim.environments.registration import register_all
 
-__all__ = ["make_vec_env"]
-
 Array = npt.NDArray[Any]
 Indices = int | Iterable[int] | None
 

@@ -13,8 +13,6 @@ from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.worlds.lanes_behind import find_lanes_behind
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["Starts"]
-
 MAX_TRIES: Final = 100
 """Places that are tried for an ego."""
 

@@ -11,8 +11,6 @@ from PIL import Image, ImageDraw
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 
-__all__ = ["draw"]
-
 WIDTH, HEIGHT = 600, 400
 PIXELS_PER_METRE: Final = 6.0
 _COLOURS: Final = {

@@ -25,8 +25,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 
-__all__ = ["ActionTopics"]
-
 _STATUS: Final = f"{HIDDEN}status"
 _FEEDBACK: Final = f"{HIDDEN}feedback"
 

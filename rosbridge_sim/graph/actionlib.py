@@ -30,8 +30,6 @@ from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 
-__all__ = ["ENDED_GOAL_MEMORY", "MAX_GOAL_ID", "STATUS_PERIOD", "Actionlib", "ActionlibStatus"]
-
 STATUS_PERIOD = 0.2
 """Time between two status messages [s], as in actionlib. roslibpy gives up after 3 s without one."""
 

@@ -32,20 +32,6 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import ActionType
 from rosbridge_sim.schema.opaque_types import OpaqueActionType
 
-__all__ = [
-    "CANCEL",
-    "HIDDEN",
-    "MAX_ENDED",
-    "Action",
-    "Actions",
-    "EndedGoal",
-    "EndedGoals",
-    "Goal",
-    "GoalOutcome",
-    "GoalStatus",
-    "GoalTopics",
-]
-
 HIDDEN: Final = "/_action/"
 """Text between the name of an action and the names of its topics and services in ROS 2."""
 

@@ -26,8 +26,6 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["Bus"]
-
 
 class Bus(BusState):
     """Topics, services, actions and parameters of one process.

@@ -17,8 +17,6 @@ from rosbridge_sim.graph.topics_services import Call, Service, Subscription, Top
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["Agenda", "BusState", "Holdings", "earliest"]
-
 
 def earliest(one: float | None, other: float | None) -> float | None:
     """Return the earlier of two times; None stands for never."""

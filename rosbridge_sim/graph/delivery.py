@@ -15,8 +15,6 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["Delivery", "Watch"]
-
 _log = logging.getLogger("rosbridge_sim.graph")
 
 

@@ -17,8 +17,6 @@ from typing import ParamSpec, Protocol, runtime_checkable
 
 from rosbridge_sim.errors import EncodingError
 
-__all__ = ["Guard", "Guarded"]
-
 MAX_LOGGED_FAILURES = 1_000
 """Encoding failures that are remembered, so that each is logged once. More of them are only counted."""
 

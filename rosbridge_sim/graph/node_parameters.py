@@ -20,8 +20,6 @@ from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.graph.ways import Use, Way
 
-__all__ = ["MAX_LISTED", "MAX_NAMES", "MAX_TEXT", "MAX_VALUES", "provide_node_parameters"]
-
 MAX_LISTED: Final = 5_000
 """Names of a node that one request may look at: each takes 5 us."""
 

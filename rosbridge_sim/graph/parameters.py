@@ -18,8 +18,6 @@ import orjson
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.participant import Participant
 
-__all__ = ["MAX_NAMESPACES", "MAX_PARAMETERS", "MAX_PARAMETER_BYTES", "MAX_VALUE_PARTS", "Parameters", "merge"]
-
 MAX_PARAMETERS: Final = 100_000
 """Largest number of parameters, so that a client that sets names in a loop cannot use up the memory."""
 

@@ -17,32 +17,6 @@ from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
 from rosbridge_sim.suggestions import listing
 
-__all__ = [
-    "Correlating",
-    "Explaining",
-    "Guest",
-    "Holdable",
-    "Located",
-    "Notify",
-    "OfferKind",
-    "Participant",
-    "Remarkable",
-    "Restricted",
-    "address_of",
-    "check_publishing",
-    "check_reading",
-    "decode_body",
-    "explain",
-    "gives_way",
-    "hold",
-    "may_read",
-    "notifier",
-    "remark",
-    "resolve",
-    "size_of_body",
-    "take_over",
-]
-
 _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
 

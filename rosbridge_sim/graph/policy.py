@@ -34,8 +34,6 @@ from rosbridge_sim.graph.participant import resolve
 from rosbridge_sim.graph.ways import ACTIONLIB_TOPICS, SHOWN_TOPICS, PolicyEffect, Use, Way, Ways, topics_shown_by
 from rosbridge_sim.records import Record
 
-__all__ = ["OPEN", "Policy", "Rule"]
-
 ROSAPI: Final = "/rosapi/"
 """Prefix of the services that list what exists."""
 

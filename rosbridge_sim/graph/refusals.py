@@ -7,8 +7,6 @@ from typing import NamedTuple
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol import ops
 
-__all__ = ["RefusedRequest", "refusal_of"]
-
 _SUBJECTS = ("topic", "service", "action")
 """Fields of an op that name its topic, service or action; an op has at most one of them."""
 

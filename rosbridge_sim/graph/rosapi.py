@@ -27,8 +27,6 @@ from rosbridge_sim.schema.definitions.names import DefinitionKind
 from rosbridge_sim.schema.definitions.typedefs import full_text, typedefs
 from rosbridge_sim.schema.message_type import MessageType
 
-__all__ = ["ROSAPI_NAME", "Rosapi"]
-
 ROSAPI_NAME = "/rosapi"
 
 _BAD_VALUE = (

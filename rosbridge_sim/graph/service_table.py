@@ -17,8 +17,6 @@ from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
 
-__all__ = ["MAX_CALLS", "MAX_STALE", "ServiceTable"]
-
 MAX_CALLS = 1_000
 """Default limit of calls, and of goals, that one caller may have in flight: ten times the number of the busiest known
 client."""

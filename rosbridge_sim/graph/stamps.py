@@ -12,8 +12,6 @@ import json
 from collections.abc import Callable
 from typing import Final, Literal
 
-__all__ = ["PARAMETER", "Stamps", "says_simulated"]
-
 PARAMETER: Final = "/use_sim_time"
 """The parameter that selects the clock of ROS 1 programs."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 
-__all__ = ["MAX_REMEMBERED_TOPICS", "TYPE_MEMORY", "TopicTable"]
-
 TYPE_MEMORY = 10.0
 """Time for which a topic's type is kept without publishers and subscribers [s] (`unregister_timeout`)."""
 

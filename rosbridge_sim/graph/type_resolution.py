@@ -11,8 +11,6 @@ from rosbridge_sim.schema.message_type import ActionType, MessageType, ServiceTy
 from rosbridge_sim.schema.opaque_types import OpaqueActionType, OpaqueServiceType, OpaqueType
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["MAX_REMEMBERED_TYPES", "TypeResolver"]
-
 MAX_REMEMBERED_TYPES = 10_000
 """Largest number of unknown types that are remembered."""
 

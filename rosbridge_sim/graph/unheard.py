@@ -15,8 +15,6 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.suggestions import find_misspelt
 
-__all__ = ["UNHEARD_AFTER", "UnheardTopics", "find_meant"]
-
 UNHEARD_AFTER = 5.0
 """Time without a subscriber after which a publisher is told [s]: most programs of a start script are running then."""
 

@@ -13,8 +13,6 @@ from itertools import islice
 from rosbridge_sim.graph.bus_state import Agenda
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 
-__all__ = ["UNPUBLISHED_AFTER", "UnpublishedTopics"]
-
 UNPUBLISHED_AFTER = 5.0
 """Time without a publisher after which a subscriber is told [s]: most programs of a start script are running by then.
 """

@@ -23,19 +23,6 @@ from typing import Final, NamedTuple, TypeAlias
 from rosbridge_sim.graph.actions import CANCEL, HIDDEN
 from rosbridge_sim.records import Record
 
-__all__ = [
-    "ACTIONLIB_TOPICS",
-    "REPUBLISHER_NAME",
-    "REPUBLISH_SERVICE",
-    "SHOWN_TOPICS",
-    "PolicyEffect",
-    "Use",
-    "Way",
-    "WayLookup",
-    "Ways",
-    "topics_shown_by",
-]
-
 REPUBLISHER_NAME: Final = "/tf2_web_republisher"
 """Name of the action that publishes transforms for web pages."""
 

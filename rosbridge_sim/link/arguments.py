@@ -13,8 +13,6 @@ from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.urls import hide_in_words
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["PREFIX", "Parser", "layout"]
-
 PREFIX = "ROSBRIDGE_SIM_"
 """Prefix of all environment variables of this package."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from rosbridge_sim.errors import DocumentError, RosbridgeSimError
 
-__all__ = ["BridgeError", "RefusedError"]
-
 
 class BridgeError(DocumentError):
     """There is no rosbridge at the URL, or it does not answer: exit code 2."""

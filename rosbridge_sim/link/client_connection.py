@@ -21,8 +21,6 @@ from rosbridge_sim.link.urls import DEFAULT_PORT, hide, secrets_of, shown_url
 from rosbridge_sim.link.websocket_internals import MessageConnection, apply_mask
 from rosbridge_sim.loose_types import LibraryArgument
 
-__all__ = ["DialedConnection", "why_gone", "why_not"]
-
 
 class DialedConnection(MessageConnection, ClientConnection):
     """A connection that gives each message to a callback, after `listen` was called; `recv` returns nothing."""

@@ -7,8 +7,6 @@ from typing import Final
 
 from rosbridge_sim.protocol.outbox import BinaryFrame
 
-__all__ = ["BINARY", "TEXT", "head_of"]
-
 TEXT: Final = 0x81
 """First byte of a frame with a complete text message: FIN and the opcode, no extension bits."""
 

@@ -8,8 +8,6 @@ from typing import Any
 
 import orjson
 
-__all__ = ["to_json"]
-
 
 def to_json(value: object) -> bytes:
     """Return the JSON text of a value, with the words for NaN and infinity.

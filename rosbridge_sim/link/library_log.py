@@ -15,8 +15,6 @@ from typing import Any
 
 from rosbridge_sim.loose_types import LibraryArgument
 
-__all__ = ["quiet"]
-
 _HARMLESS_HEADERS = frozenset(
     [
         "connection",

@@ -10,8 +10,6 @@ from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from typing import Any, Generic, TypeVar
 
-__all__ = ["LoopCall", "LoopStoppedError", "LoopThread"]
-
 T = TypeVar("T")
 
 

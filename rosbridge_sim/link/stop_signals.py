@@ -20,8 +20,6 @@ from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Final
 
-__all__ = ["on_stop_signals", "stop_signals"]
-
 HURRY: Final = 5.0
 """Time for closing files after a second signal [s]: the index of a recording of hours takes 0.1 s of CPU time."""
 

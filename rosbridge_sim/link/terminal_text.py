@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["safe"]
-
 
 def safe(text: str) -> str:
     """Return a text on one line, without characters that a terminal could take as a command.

@@ -6,8 +6,6 @@ import re
 import urllib.parse
 from collections.abc import Iterable
 
-__all__ = ["DEFAULT_PORT", "check_url", "full_url", "hide", "hide_in_words", "port_of", "secrets_of", "shown_url"]
-
 DEFAULT_PORT = 9090
 
 

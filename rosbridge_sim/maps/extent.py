@@ -13,8 +13,6 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["find_bulk", "find_far_lanes"]
-
 APART: Final = 2_000.0
 """Parts of a map with less than this between them belong together [m]: roads of one place with open country between."""
 

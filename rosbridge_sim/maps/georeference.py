@@ -17,8 +17,6 @@ from rosbridge_sim.maps.road_map import Projection, RoadMap
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-__all__ = ["Georeference", "import_projection", "proj_text"]
-
 GEOGRAPHIC: Final = "+proj=longlat +datum=WGS84 +no_defs"
 """Coordinate system of satellite positions: WGS 84, whatever ellipsoid the map is drawn on."""
 

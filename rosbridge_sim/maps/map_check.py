@@ -26,8 +26,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["UNREAD_FILES", "describe_map", "list_files"]
-
 _ID: Final[TypeAdapter[str]] = TypeAdapter(str, config=ConfigDict(coerce_numbers_to_str=True))
 """An id as `Document` reads it."""
 

@@ -12,8 +12,6 @@ from rosbridge_sim.maps import mgeo
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record
 
-__all__ = ["FORMATS", "MAP_FILES", "MapFormat", "choose_format", "find_map_mistakes", "is_map", "read_map"]
-
 
 class MapFormat(Record):
     """A format of maps.

@@ -28,17 +28,6 @@ from rosbridge_sim.maps.mgeo_markings import MARKING_FILE, SIGN_FILE, read_marki
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.world.roads.surface import Surface
 
-__all__ = [
-    "BORDER_FILES",
-    "FILES",
-    "INFO_FILE",
-    "MAP_FILES",
-    "NO_PROJECTION",
-    "find_mgeo_mistakes",
-    "read_mgeo",
-    "read_projection",
-]
-
 FILES: Final = ("node_set.json", "link_set.json")
 """Files that `read_mgeo` requires."""
 

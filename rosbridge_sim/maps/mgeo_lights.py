@@ -25,17 +25,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan, Walk
 from rosbridge_sim.world.state.world import DT
 
-__all__ = [
-    "CROSSWALK_FILES",
-    "LIGHT_FILES",
-    "colour_of",
-    "find_light_mistakes",
-    "light_type",
-    "read_crosswalks",
-    "read_lights",
-    "sort_files",
-]
-
 LIGHT_FILES: Final = (
     "traffic_light_set.json",
     "synced_traffic_light_set.json",

@@ -24,17 +24,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, nearest_on_polyline
 from rosbridge_sim.world.roads.road_places import MAX_EDGE
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = [
-    "MAX_LINKS",
-    "MAX_MAP_BYTES",
-    "NO_ROADS",
-    "Identifier",
-    "Lanes",
-    "find_lane_mistakes",
-    "read_lanes",
-    "read_line",
-]
-
 MAX_MAP_BYTES: Final = 1 << 28
 """Largest size of a file: 256 MiB, ten times the link_set of a large city."""
 

@@ -19,8 +19,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, read_line
 from rosbridge_sim.maps.road_map import Marking, Sign
 
-__all__ = ["MARKING_FILE", "SIGN_FILE", "read_markings", "read_signs"]
-
 MARKING_FILE, SIGN_FILE = "surface_marking_set.json", "traffic_sign_set.json"
 
 MAX_CORNERS: Final = 200

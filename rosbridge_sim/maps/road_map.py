@@ -17,8 +17,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
-__all__ = ["Border", "Crosswalk", "Marking", "Projection", "RoadMap", "Sign"]
-
 
 class Projection(Record):
     """Position of the map's coordinates on the globe, as in `MapSpec`.

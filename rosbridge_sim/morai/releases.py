@@ -13,18 +13,6 @@ from typing import Any, Final, Literal
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.schema.definitions.dialect import Leniency
 
-__all__ = [
-    "FIELD",
-    "LENIENCY",
-    "MANUAL",
-    "RELEASES",
-    "SPEED_LIMITS",
-    "Profile",
-    "SpeedLimits",
-    "advise_release",
-    "choose_profile",
-]
-
 # Names
 
 _DOCUMENTED = (

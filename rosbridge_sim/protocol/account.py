@@ -12,8 +12,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-__all__ = ["UNLIMITED", "Account", "HeldMessages"]
-
 T = TypeVar("T")
 
 UNLIMITED = 2**62

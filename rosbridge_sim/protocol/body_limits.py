@@ -17,8 +17,6 @@ from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.records import Record
 from rosbridge_sim.weight import FEW, Weight, count_few, weigh, weigh_exactly
 
-__all__ = ["LIGHT", "BodyLimits"]
-
 LIGHT: Final = 4 * 1024
 """From this size on, what a body holds is counted [bytes]; a smaller one is within all limits."""
 

@@ -23,8 +23,6 @@ from rosbridge_sim.errors import FrameError
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.weight import LIGHT
 
-__all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_bson", "is_cbor"]
-
 MAX_CBOR_DEPTH = 100
 """Deepest nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
 

@@ -15,8 +15,6 @@ from rosbridge_sim.protocol.json_encoding import op_frame, response_frame, statu
 from rosbridge_sim.protocol.ops import Id
 from rosbridge_sim.protocol.roslibpy_status import is_id_of_roslibpy, roslibpy_status_frame
 
-__all__ = ["MAX_SMALL", "FirstOp", "read_first_op", "refusal_frame"]
-
 MAX_SMALL = 4 * 1024
 """A longer frame is not decoded [bytes]. A token and an id need some hundred bytes, a JSON web token at most two
 thousand."""

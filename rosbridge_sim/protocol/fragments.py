@@ -17,8 +17,6 @@ from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.ops import Fragment
 
-__all__ = ["Characters", "Defragmenter", "Pieces"]
-
 MAX_OPEN = 64
 """Largest number of unfinished fragmented messages of one client."""
 

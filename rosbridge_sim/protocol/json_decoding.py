@@ -30,18 +30,6 @@ from rosbridge_sim.protocol.ops import ABSENT, OPS, Op, is_absent
 from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly, weigh_in_slices
 
-__all__ = [
-    "HEAVY",
-    "LONG",
-    "MALFORMED",
-    "decode_frame",
-    "decode_op",
-    "decode_quickly",
-    "end_of_value",
-    "op_from_value",
-    "read_long_text",
-]
-
 _SHOWN = 200
 """Characters of a client's text that an answer quotes: enough to recognise it, but too few to amplify an attack."""
 

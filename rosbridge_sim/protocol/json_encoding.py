@@ -11,8 +11,6 @@ import orjson
 from rosbridge_sim.printable import printable
 from rosbridge_sim.protocol.ops import Id
 
-__all__ = ["Encoded", "call_head", "op_frame", "publish_head", "response_frame", "status_frame"]
-
 T = TypeVar("T")
 
 

@@ -19,8 +19,6 @@ import numpy.typing as npt
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.weight import real_quotes, weigh_exactly
 
-__all__ = ["LONG_LIST", "has_more_values", "put_in_lists", "take_out_lists"]
-
 LONG_LIST = 32 * 1024
 """Length of a text of numbers from which it is decoded by itself [bytes]."""
 

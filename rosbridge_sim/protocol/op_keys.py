@@ -12,8 +12,6 @@ import msgspec
 from rosbridge_sim.protocol.ops import OPS, Op
 from rosbridge_sim.suggestions import hint, listing
 
-__all__ = ["MAX_FRAME", "describe_strange_keys"]
-
 MAX_FRAME: Final = 16 * 1024
 """Frames from this length on are not looked at, because their keys are found only by reading all of it [bytes]."""
 

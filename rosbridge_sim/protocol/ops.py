@@ -12,35 +12,6 @@ from typing import Any, ClassVar, TypeAlias
 
 import msgspec
 
-__all__ = [
-    "ABSENT",
-    "OPS",
-    "ActionFeedback",
-    "ActionResult",
-    "Advertise",
-    "AdvertiseAction",
-    "AdvertiseService",
-    "Auth",
-    "CallService",
-    "CancelActionGoal",
-    "Fragment",
-    "Id",
-    "Op",
-    "OpBody",
-    "Png",
-    "Publish",
-    "SendActionGoal",
-    "ServiceResponse",
-    "SetLevel",
-    "Status",
-    "Subscribe",
-    "Unadvertise",
-    "UnadvertiseAction",
-    "UnadvertiseService",
-    "Unsubscribe",
-    "is_absent",
-]
-
 Id: TypeAlias = str | int | float | bool | None
 """An `id` that a client gave: any JSON scalar, returned unchanged."""
 

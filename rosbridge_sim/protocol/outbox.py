@@ -17,8 +17,6 @@ from typing import Any, Protocol
 
 from rosbridge_sim.records import Record
 
-__all__ = ["BinaryFrame", "LateFrames", "Outbox", "OutboxLimits"]
-
 
 class BinaryFrame(bytes):
     """A frame to send as binary; plain bytes are sent as text."""

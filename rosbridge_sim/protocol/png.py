@@ -21,8 +21,6 @@ import pybase64
 
 from rosbridge_sim.errors import EncodingError, FrameError
 
-__all__ = ["PictureFrames", "PngFrame", "decode_png"]
-
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER = Struct(">IIBBBBB")  # width, height, bits a sample, colour type, compression, filter, interlace
 _TRUECOLOUR = 2

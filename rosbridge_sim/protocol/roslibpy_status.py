@@ -15,8 +15,6 @@ from rosbridge_sim.printable import printable
 from rosbridge_sim.protocol.json_encoding import op_frame
 from rosbridge_sim.protocol.ops import Id
 
-__all__ = ["OPS_WITH_ID", "is_id_of_roslibpy", "roslibpy_status_frame"]
-
 OPS_WITH_ID: Final = frozenset({"advertise", "publish", "subscribe", "call_service", "send_action_goal"})
 """Ops to which roslibpy gives an id of its own, in each of its versions."""
 

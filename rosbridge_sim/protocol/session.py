@@ -35,8 +35,6 @@ from rosbridge_sim.protocol.png import decode_png
 from rosbridge_sim.protocol.roslibpy_status import roslibpy_status_frame
 from rosbridge_sim.protocol.subscription import Feed
 
-__all__ = ["LEVELS", "Session"]
-
 LEVELS = {"none": 0, "error": 1, "warning": 2, "warn": 2, "info": 3}
 """Levels of status frames; a peer gets those up to its own level. Clients for C++ servers write `warn`."""
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable
 
-__all__ = ["Smallest"]
-
 _SPARE = 16
 """Removed numbers that a heap may always keep: rebuilding a small heap is not worthwhile."""
 

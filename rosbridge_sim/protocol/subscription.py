@@ -33,17 +33,6 @@ from rosbridge_sim.protocol.png import PictureFrames, PngFrame
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.records import Record
 
-__all__ = [
-    "COMPRESSIONS",
-    "Feed",
-    "MergedOptions",
-    "Qos",
-    "SubscriptionOptions",
-    "Throttle",
-    "read_options",
-    "read_qos",
-]
-
 COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
 """Encodings, from the lowest priority to the highest."""
 

@@ -19,19 +19,6 @@ from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
 
-__all__ = [
-    "BUILT_IN",
-    "CATALOGUE",
-    "DEFAULT_EGO",
-    "Catalogue",
-    "Model",
-    "class_of_data_id",
-    "default_model",
-    "find_model",
-    "key_of_name",
-    "model_by_class",
-]
-
 
 class _Engine(NamedTuple):
     """Longitudinal figures of a model, for the single track model; see `Body` for those without a text here.

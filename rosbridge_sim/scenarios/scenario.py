@@ -16,8 +16,6 @@ from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import Gear, Kind
 
-__all__ = ["Driver", "PhaseStart", "Scenario", "Spawn"]
-
 
 class Driver(Record):
     """A driver that follows the lanes.

@@ -29,8 +29,6 @@ from rosbridge_sim.world.geometry.near_pairs import MAX_WIDE, find_near_pairs
 from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray, IntArray, do_boxes_meet, nearest_on_polyline
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["Draft", "find_misspelt_key", "find_misspelt_keys", "find_oddities", "place_draft", "read_draft"]
-
 AGAINST: Final = math.radians(90.0)
 """Smallest angle between a vehicle and the nearest lane for a vehicle that stands against its lane [rad]."""
 

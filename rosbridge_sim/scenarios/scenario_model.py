@@ -37,28 +37,6 @@ from rosbridge_sim.documents import (
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "MAX_SCENARIO_BYTES",
-    "EgoVehicle",
-    "EnuPosition",
-    "Follower",
-    "InitPosition",
-    "LinkInfo",
-    "NpcVehicle",
-    "Obstacle",
-    "Pedestrian",
-    "PlacedItem",
-    "Rotation",
-    "Scale",
-    "ScenarioDocument",
-    "SpawnPointItem",
-    "WaypointPath",
-    "find_scenario_mistakes",
-    "read_scenario_document",
-    "scenario_schema",
-    "why_without_effect",
-]
-
 MAX_SCENARIO_BYTES: Final = 1 << 25
 """Largest size of a document: 32 MiB, a hundred times the size that MORAI saves for a full scene."""
 

@@ -55,8 +55,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.world import Body, Gear, Kind
 
-__all__ = ["place_on_roads", "read_scenario", "sort_phases"]
-
 T = TypeVar("T")
 R = TypeVar("R")
 

@@ -12,8 +12,6 @@ from rosbridge_sim.scenarios.scenario_model import LinkInfo, SpawnPointItem
 from rosbridge_sim.units import KMH_TO_MPS
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["MAX_AT_ONCE", "SpawnPoint", "find_places", "read_spawn_point"]
-
 MAX_TO_LANE: Final = 5.0
 """Largest distance from a lane's line for a point that is on the lane [m]: people click beside the line."""
 

@@ -23,8 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 
-__all__ = ["Box2D", "CameraModel", "FisheyeModel", "Pose", "box_corners", "boxes_in_view", "mount", "rotation"]
-
 MIN_FOV, MAX_FOV, MAX_FISHEYE_FOV = 1.0, 170.0, 220.0
 """Bounds of the horizontal field of view [deg]: a plane picture of 180 has no width, and fisheye lenses of cars have up
 to 200."""

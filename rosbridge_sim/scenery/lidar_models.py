@@ -10,8 +10,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-__all__ = ["LIDAR_MODELS", "LidarModel"]
-
 
 class LidarModel(NamedTuple):
     """A lidar that turns about its z axis.

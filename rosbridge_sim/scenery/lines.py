@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, arc_lengths
 
-__all__ = ["MAX_PIECE", "across", "cut_dashes", "runs_of", "sample_arcs", "strip", "take_at"]
-
 MAX_PIECE: Final = 10.0
 """Longest piece of a strip [m]: what draws can leave out pieces that are not in view."""
 

@@ -15,8 +15,6 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NO_INSTANCE", "PAINTED", "Colour", "Label", "Lit", "Mesh", "join_meshes"]
-
 Colour = tuple[int, int, int]
 """Red, green and blue, 0..255, as a camera sees it at noon."""
 

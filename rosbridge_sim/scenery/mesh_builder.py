@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from rosbridge_sim.scenery.mesh import Colour, Label, Lit, Mesh
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["MeshBuilder"]
-
 
 class MeshBuilder:
     """Triangles that grow piece by piece.

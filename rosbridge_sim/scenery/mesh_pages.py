@@ -17,8 +17,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["MeshPage", "MeshPages", "mesh_pages"]
-
 SIDE: Final = 256.0
 """Side of the square of a page [m]."""
 

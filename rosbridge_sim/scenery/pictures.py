@@ -17,8 +17,6 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 
-__all__ = ["EXTINCTION", "NOBODY", "Channel", "Hits", "Picture", "PictureMaker", "RayMaker", "Weather"]
-
 NOBODY = -1
 """No entity: nothing is left out of a picture."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.world.state.entity_types import Body
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["EgoLook", "SceneFrame", "SceneLayout", "Shape", "shape_of", "take_frame"]
-
 
 class Shape(IntEnum):
     """Shape that an entity is drawn with."""

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["Solid", "box", "column", "disc", "join", "prism"]
-
 Solid = tuple[FloatArray, NDArray[np.int32]]
 """(n, 3) vertices [m] and (m, 3) triangles, counter-clockwise from outside."""
 

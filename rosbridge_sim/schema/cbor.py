@@ -21,8 +21,6 @@ from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
 from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 
-__all__ = ["CborWriters", "encode_plain", "head"]
-
 _Write = Callable[[Any, list[bytes]], None]
 """`(value, out)`: appends the bytes of a value, which is a generated struct."""
 

@@ -17,8 +17,6 @@ import numpy as np
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation
 
-__all__ = ["MAX_INLINE", "MAX_STARRED", "Source", "code_of", "count_fields", "pack_numbers"]
-
 MAX_INLINE = 100
 """A nested message with at most so many fields is written in the function of the outer one. The longest message of the
 standard packages has 49; without a bound, definitions that multiply would make endless functions."""

@@ -29,8 +29,6 @@ from rosbridge_sim.schema.definitions.parse import Definition, Field
 from rosbridge_sim.schema.float32 import round32, round32_list
 from rosbridge_sim.schema.message_type import Finalize, JsonBytes
 
-__all__ = ["compile_message"]
-
 _MAX_UINT64: Final = 2**64 - 1
 
 _NO_LENGTH_LIMIT: Final = 2**63

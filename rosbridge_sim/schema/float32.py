@@ -11,8 +11,6 @@ import orjson
 
 from rosbridge_sim.schema.definitions.parse import MAX_FLOAT32
 
-__all__ = ["LONG_ARRAY", "NumberArray", "round32", "round32_list"]
-
 NumberArray: TypeAlias = npt.NDArray[Any]
 """A typed array of CBOR: any numeric dtype of native byte order."""
 

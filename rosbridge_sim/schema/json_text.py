@@ -12,8 +12,6 @@ import orjson
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.weight import LIGHT, weigh
 
-__all__ = ["parse_by_position", "parse_json"]
-
 _WEIGHED = 4 * 1024
 """From this size on, a text is weighed before Python's own decoder reads it [bytes]; a smaller one is always light."""
 

@@ -7,8 +7,6 @@ from typing import Any
 
 from rosbridge_sim.loose_types import Struct
 
-__all__ = ["LateList"]
-
 
 class LateList:
     """A list of structs, given by its length and by a function that makes them at their first use.

@@ -14,8 +14,6 @@ from rosbridge_sim.schema.message_type import LongField, MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
 
-__all__ = ["Message"]
-
 T = TypeVar("T")
 
 

@@ -24,18 +24,6 @@ from rosbridge_sim.schema.skeleton import Skeleton
 from rosbridge_sim.schema.validate import check
 from rosbridge_sim.weight import claim
 
-__all__ = [
-    "REFUSALS",
-    "ActionType",
-    "Encoders",
-    "Finalize",
-    "JsonBytes",
-    "LateMessageType",
-    "LongField",
-    "MessageType",
-    "ServiceType",
-]
-
 LongField: TypeAlias = tuple[str, memoryview]
 """Attribute of a field of bytes, and its long base64 text as it came."""
 

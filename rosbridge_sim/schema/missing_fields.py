@@ -10,8 +10,6 @@ from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 
-__all__ = ["MAX_BODY", "find_missing"]
-
 MAX_BODY = 16 * 1024
 """A longer message is not searched, because it is read once more for that [bytes]."""
 

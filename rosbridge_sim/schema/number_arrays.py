@@ -12,8 +12,6 @@ import numpy as np
 
 from rosbridge_sim.schema.float32 import NumberArray
 
-__all__ = ["are_integral", "to_dtype", "to_floats"]
-
 _SLICE = 16 * 1024
 """Numbers of one slice: 128 KiB, which stay in the processor's cache."""
 

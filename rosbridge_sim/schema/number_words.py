@@ -16,8 +16,6 @@ import orjson
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 
-__all__ = ["with_words"]
-
 _NAN, _INFINITY, _MINUS_INFINITY = b"NaN", b"Infinity", b"-Infinity"
 
 

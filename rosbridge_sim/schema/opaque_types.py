@@ -13,8 +13,6 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.cbor import encode_plain
 from rosbridge_sim.schema.json_text import parse_json
 
-__all__ = ["OpaqueActionType", "OpaqueServiceType", "OpaqueType"]
-
 _MAX_ORJSON_DEPTH = 250
 """Brackets of a text that is certainly not nested too deeply: orjson writes 254 levels, but reads 1,024."""
 

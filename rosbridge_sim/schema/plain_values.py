@@ -9,8 +9,6 @@ import numpy as np
 
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 
-__all__ = ["plain_message", "without_unknown"]
-
 
 def without_unknown(value: Any, spec: MessageSpec) -> Any:  # noqa: ANN401 - objects of Python
     """Return a message of ROS 2 without the fields that its type does not have in ROS 1."""

@@ -20,8 +20,6 @@ from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_o
 from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation
 
-__all__ = ["RosWriters"]
-
 _Write = Callable[..., Any]
 """`(value, out)`, or for CDR `(value, out, at)`, which returns the new position; the value is a struct."""
 

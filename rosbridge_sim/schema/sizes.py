@@ -14,8 +14,6 @@ import numpy as np
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.late_list import LateList
 
-__all__ = ["size_of"]
-
 _STRUCT, _FIELD, _LIST, _ITEM, _TEXT, _BYTES, _NUMBER, _DICT, _ENTRY = 16, 8, 56, 8, 49, 33, 28, 64, 100
 """Memory of CPython's own objects, without their content [bytes]; an entry of a dict has a key of its own."""
 

@@ -17,8 +17,6 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 
-__all__ = ["MAX_COST", "Skeleton"]
-
 MAX_COST: Final = 300_000
 """The highest cost of one message: a struct counts 1, a float32 that must be rounded 2. 5,000 markers with two points
 and two colours each cost 185,000. 300,000 take 20 to 60 ms to decode, and as much for each encoding."""

@@ -36,8 +36,6 @@ from rosbridge_sim.schema.definitions.typedefs import full_text
 from rosbridge_sim.schema.message_type import ActionType, Encoders, LateMessageType, MessageType, ServiceType
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["Store"]
-
 _ACTIONLIB_MESSAGES = {
     "ActionGoal": "Header header\nactionlib_msgs/GoalID goal_id\n{name}Goal goal\n",
     "ActionResult": "Header header\nactionlib_msgs/GoalStatus status\n{name}Result result\n",

@@ -14,8 +14,6 @@ from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.definitions.parse import Constant, Definition, Field
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["declare_package"]
-
 _TIME_PARTS: Final = {1: ("secs", "nsecs"), 2: ("sec", "nanosec")}
 """Names of the parts of a time by ROS generation."""
 

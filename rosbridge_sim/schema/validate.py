@@ -31,8 +31,6 @@ from rosbridge_sim.schema.float32 import LONG_ARRAY, NumberArray, round32, round
 from rosbridge_sim.schema.number_arrays import are_integral, to_dtype, to_floats
 from rosbridge_sim.suggestions import hint, listing
 
-__all__ = ["check"]
-
 _CHECKED_AT_ONCE = 32
 """From this length on, a list of numbers is checked at once, which is faster then than one by one."""
 

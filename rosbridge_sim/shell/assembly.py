@@ -53,20 +53,6 @@ from rosbridge_sim.world.state.world import Dynamics, World
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
 
-__all__ = [
-    "check_sense",
-    "choose_stamps",
-    "complete_policy",
-    "limits_of",
-    "list_items",
-    "make_simulator_node",
-    "mistakes_of_items",
-    "outbox_limits",
-    "start_recorder",
-    "start_worker",
-    "taken_names",
-]
-
 _log = logging.getLogger("rosbridge_sim.app")
 
 

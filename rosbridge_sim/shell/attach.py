@@ -33,8 +33,6 @@ from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.records import Record, field
 from rosbridge_sim.shell.websocket.dns import HostLookup
 
-__all__ = ["AttachLimits", "Attachment", "is_own_address"]
-
 FIRST_WAIT = 0.5
 """Wait after the first failed attempt, or after a good connection [s]."""
 

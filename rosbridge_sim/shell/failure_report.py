@@ -24,8 +24,6 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["FailureReport", "command_of"]
-
 MAX_TOPICS: Final = 1_000
 """Largest number of topics whose last message is kept: more than the simulator and a test's programs have."""
 

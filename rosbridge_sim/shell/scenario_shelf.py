@@ -17,8 +17,6 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.scene.scene import DEFAULT_MAP
 from rosbridge_sim.simulator.sim_services.scenario_services import ListedRecording, ListedScenario, Listing
 
-__all__ = ["DiskShelf"]
-
 MAX_PICTURES: Final = 64
 """Pictures that are kept: a page of a list, and some more; 20 kB each as a rule."""
 

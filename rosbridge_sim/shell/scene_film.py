@@ -35,8 +35,6 @@ from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import wrap_angle
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["CHASE", "FilmCamera", "SceneFilm"]
-
 CHASE: Final = "chase"
 """Name of the view from behind the ego; a camera of this name is taken first."""
 

@@ -76,8 +76,6 @@ from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import Gear, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["make_node"]
-
 
 def make_node(
     bus: Bus,

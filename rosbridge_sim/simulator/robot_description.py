@@ -33,8 +33,6 @@ from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = ["NAME", "RobotDescription", "find_wheels"]
-
 NAME: Final = "robot_description"
 
 SENSOR_SIZE: Final = 0.08

@@ -35,8 +35,6 @@ from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.simulator.standard_topics import CmdVel
 
-__all__ = ["NodeSettings", "SimulatorNode"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 C = TypeVar("C", bound=Component)
 

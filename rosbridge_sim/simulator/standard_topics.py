@@ -36,8 +36,6 @@ from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.world.state.world import Dynamics, Gear, Mode
 
-__all__ = ["CmdVel", "StandardTopics"]
-
 CmdVel: TypeAlias = Literal["Twist", "TwistStamped"]
 """Type of `/cmd_vel`; a topic has one."""
 

@@ -15,8 +15,6 @@ from rosbridge_sim.world.roads.lane_conflicts import COMFORT, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Body, World
 
-__all__ = ["LaneSlots", "has_room", "keep_clear", "safe_speed_at", "stand_at_ends"]
-
 STANDING_SPACING: Final = 12.0
 """From one slot to the next at standstill [m]: a car of 4.7 m, and twice as much again for trucks and lane ends."""
 

@@ -26,8 +26,6 @@ from rosbridge_sim.world.state.entity_types import MAX_COORDINATE, MIN_FRICTION_
 from rosbridge_sim.world.state.labels import label_of
 from rosbridge_sim.world.state.world import MAX_UID, Snapshot
 
-__all__ = ["LAYOUT", "from_plain", "to_plain"]
-
 Plain = dict[str, Any]  # values of the kinds that `to_plain` writes
 
 LAYOUT: Final = blake2b(repr((FLOATS, INTS, BOOLS, Body.__slots__)).encode(), digest_size=8).digest()

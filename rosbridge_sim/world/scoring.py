@@ -42,8 +42,6 @@ from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, sett
 from rosbridge_sim.world.state.world import DT, MAX_UID, Kind, World
 from rosbridge_sim.world.vehicle.ground import are_on_road
 
-__all__ = ["NUM_IDS", "Before", "Score", "judge", "read_score", "remember"]
-
 NUM_IDS: Final = 8
 """Ids of contacts that are kept for each ego: enough to see what it has run into, and bounded."""
 

@@ -39,8 +39,6 @@ from rosbridge_sim.world.state.standing import stand
 from rosbridge_sim.world.state.world import DT, World
 from rosbridge_sim.world.vehicle.dynamics import drive
 
-__all__ = ["step"]
-
 
 def step(world: World, place: Callable[[], None] | None = None) -> None:
     """Move the world from its frame to the next one: exactly 20 ms. Writes in place.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["broadcast", "check_number", "make_out"]
-
 FloatArray = npt.NDArray[np.float64]
 
 

@@ -19,8 +19,6 @@ from rosbridge_sim.worlds.occupancy import GRID_FIGURES, find_grids, num_cells
 from rosbridge_sim.worlds.rays import RAY_FIGURES, cast_rays
 from rosbridge_sim.worlds.surroundings import LANE_FIGURES, OTHER_FIGURES, find_lanes, find_lights, find_others
 
-__all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Commands", "DrivableWorlds"]
-
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]

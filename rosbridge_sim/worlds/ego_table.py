@@ -14,9 +14,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.many_worlds.batch import Batch, OneOfMany
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["EgoTable", "Part"]
-
-
 _NUM_CHANGES: Final = attrgetter("num_changes")
 
 

@@ -8,8 +8,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["find_lanes_behind"]
-
 
 def find_lanes_behind(world: World, start: int, wanted: IntArray) -> BoolArray:
     """Return which of the wanted lanes each way from a lane comes to first, and those beside them, (num_lanes,) bool.

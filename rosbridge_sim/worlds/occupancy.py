@@ -10,8 +10,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.worlds.ego_table import Part
 from rosbridge_sim.worlds.surroundings import are_places_on_road, find_others
 
-__all__ = ["GRID_FIGURES", "find_grids", "num_cells"]
-
 GRID_FIGURES: Final = ("presence", "vx", "vy", "on_road")
 """Figures of a cell: 1 if an entity is there; its velocity relative to the ego's, forward and left [m/s]; 1 if the
 middle of the cell is on the road."""

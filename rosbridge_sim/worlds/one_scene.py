@@ -15,8 +15,6 @@ from rosbridge_sim.simulator.sim_services.traffic_demand import Traffic
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.state.world import Gear, Snapshot
 
-__all__ = ["OneScene", "SavedScene"]
-
 TRAFFIC_INTERVAL = 10
 """Frames from one look of traffic to the next, see `traffic_demand`."""
 

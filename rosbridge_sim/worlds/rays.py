@@ -12,8 +12,6 @@ from rosbridge_sim.world.roads.roads import LEVEL, Roads
 from rosbridge_sim.worlds.ego_table import Part
 from rosbridge_sim.worlds.surroundings import are_places_on_road
 
-__all__ = ["RAY_FIGURES", "cast_rays"]
-
 RAY_FIGURES: Final = ("distance", "speed")
 """Figures of a ray: distance to the first box or border, the length of the ray if there is none [m]; and the speed at
 which that moves away along the ray, seen from the ego, 0 if there is none [m/s]."""

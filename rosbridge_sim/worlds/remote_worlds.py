@@ -28,8 +28,6 @@ from rosbridge_sim.worlds.argument_checks import check_number
 from rosbridge_sim.worlds.drivable_worlds import Commands
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["RemoteWorlds"]
-
 NAME: Final = "remote environment"
 """Name of the snapshot on the server: each step replaces it."""
 

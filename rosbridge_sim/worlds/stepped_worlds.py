@@ -10,8 +10,6 @@ import numpy.typing as npt
 from rosbridge_sim.simulator.scene.load import FoundMap
 from rosbridge_sim.worlds.drivable_worlds import Commands, DrivableWorlds
 
-__all__ = ["SteppedWorlds"]
-
 
 class SteppedWorlds(DrivableWorlds, ABC):
     """Worlds that are commanded, moved and reset; see `Worlds`, which has them all in this process."""

@@ -14,8 +14,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
 
-__all__ = ["LANE_FIGURES", "OTHER_FIGURES", "are_places_on_road", "find_lanes", "find_lights", "find_others"]
-
 OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length", "width")
 """Figures of an entity in the frame of the ego: whether there is one; place of the middle of its box, forward and left
 [m]; its velocity relative to that of the ego [m/s]; its direction; its size [m]."""

@@ -26,8 +26,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from scripts.bench.load import Socket, connect_many, masked, round_trips
 from scripts.bench.program import SERVER, Program, attached, machine, running
 
-__all__: list[str] = []
-
 MASTER = "bench"
 PATIENT = ("--ping-interval", "none")  # our clients answer no pings and must stay connected
 EGO = ("/Ego_topic",)

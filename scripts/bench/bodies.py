@@ -5,8 +5,6 @@ from __future__ import annotations
 import base64
 import random
 
-__all__ = ["Json", "control", "ego", "image", "objects", "odometry", "text"]
-
 Json = dict[str, object]
 
 _rng = random.Random(7)  # noqa: S311 - nothing to guess here

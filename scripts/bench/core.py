@@ -37,8 +37,6 @@ from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.state.world import Dynamics, Kind, World
 from scripts.bench.program import machine
 
-__all__ = ["PATHS", "Core"]
-
 TICKS_PER_ROUND = 1_000
 
 STEPS = 100

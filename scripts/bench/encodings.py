@@ -29,8 +29,6 @@ from rosbridge_sim.shell.files.definitions import read_definitions
 from scripts.bench import bodies
 from scripts.bench.program import machine
 
-__all__ = ["BODIES", "ways"]
-
 BODIES = {
     "std_msgs/String": bodies.text(),
     "morai_msgs/CtrlCmd": bodies.control(),

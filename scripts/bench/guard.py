@@ -46,8 +46,6 @@ from rosbridge_sim.shell.websocket.memory import keep_memory  # noqa: E402 - as 
 from scripts.bench import bodies  # noqa: E402 - as above
 from scripts.bench.core import Core  # noqa: E402 - as above
 
-__all__ = ["FIGURES", "ROOM", "WORKLOADS", "judge", "measure", "processor", "read_figures"]
-
 FIGURES = _HERE.with_name("guard.json")
 """Figures to compare with."""
 

@@ -31,8 +31,6 @@ from rosbridge_sim.shell.files.definitions import read_definitions
 from scripts.bench import bodies
 from scripts.bench.program import machine
 
-__all__ = ["BODIES", "ways"]
-
 BODIES = {
     "morai_msgs/CtrlCmd": bodies.control(),
     "morai_msgs/EgoVehicleStatus": bodies.ego(),

@@ -21,19 +21,6 @@ import orjson
 
 from rosbridge_sim.link.websocket_internals import apply_mask
 
-__all__ = [
-    "LoadError",
-    "Result",
-    "Socket",
-    "calls",
-    "connect_many",
-    "flood",
-    "framed_size",
-    "masked",
-    "pulse",
-    "round_trips",
-]
-
 PATIENCE = 10
 """Longest silence of a server before messages count as lost [s]."""
 

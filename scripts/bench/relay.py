@@ -17,8 +17,6 @@ import uvloop
 from websockets.asyncio.server import ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 
-__all__ = ["Relay"]
-
 
 class Relay:
     """Subscribers of topics, providers of services, and callers that wait for answers."""

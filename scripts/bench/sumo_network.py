@@ -20,8 +20,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Lamp, SignalPlan
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["Connection", "Edge", "Network", "convert"]
-
 LONGEST_INSIDE = 60.0
 """Lanes with rivals or siblings that are longer than this are edges and not ways through a junction [m]: 60 m is the
 widest crossing, and a ramp is longer."""

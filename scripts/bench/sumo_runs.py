@@ -19,8 +19,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from scripts.bench.sumo_network import Network
 from scripts.bench.traffic_cases import CAR, QUEUE_LINE, Demand, Flow
 
-__all__ = ["build", "discharge", "measure_flow", "stepping"]
-
 NOSE = CAR.length / 2 + CAR.centre
 """From our reference point to the front bumper, which is SUMO's [m]."""
 

@@ -55,8 +55,6 @@ from scripts.bench.traffic_cases import (  # noqa: E402
     spread,
 )
 
-__all__ = ["as_markdown", "main", "put_into"]
-
 PACKAGES = ("eclipse-sumo==1.28.0", "libsumo==1.28.0", "matplotlib")
 
 STEPS = (0.1, 1.0)

@@ -21,22 +21,6 @@ from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from scripts.bench.sumo_network import Network
 
-__all__ = [
-    "CAR",
-    "QUEUE_LINE",
-    "Demand",
-    "Flow",
-    "Start",
-    "discharge",
-    "evenly",
-    "measure_flow",
-    "ours",
-    "plan_routes",
-    "queue_at_light",
-    "queue_roads",
-    "spread",
-]
-
 CAR = Body()
 
 QUEUE_LINE = 300.0

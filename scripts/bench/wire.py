@@ -31,8 +31,6 @@ from scripts.bench.core import PATHS
 from scripts.bench.load import Result, Socket, calls, connect_many, flood, masked, pulse, round_trips
 from scripts.bench.program import FLOOR, SERVER, Program, machine, running
 
-__all__ = ["ROWS", "Row"]
-
 TOPIC = "/bench"
 SERVICE = "/bench_service"
 SETTLE = 0.05

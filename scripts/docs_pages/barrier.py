@@ -8,8 +8,6 @@ from rosbridge_sim.simulator.sync.barrier_table import BARRIER_TABLE, BarrierEve
 from scripts.docs_pages.svg import Point, arrow, box, document, quadratic_point
 from scripts.docs_pages.sync_mode import SIZE, badge, beside, border
 
-__all__ = ["draw_barrier", "list_barrier_edges", "write_barrier"]
-
 MIDDLES: Final[dict[BarrierState, Point]] = {
     BarrierState.EMPTY: (110, 200),
     BarrierState.RESTING: (400, 60),

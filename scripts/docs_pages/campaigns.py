@@ -24,8 +24,6 @@ from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.document_mistakes import CheckedModel
 from rosbridge_sim.expressions import FUNCTIONS, RUNNING
 
-__all__ = ["write_campaigns"]
-
 _TABLES: Final[tuple[tuple[str, type[CheckedModel]], ...]] = (
     ("The file", CampaignDocument),
     ("`[parameters]`: `NAME = { ... }`, or a list of values", ParameterItem),

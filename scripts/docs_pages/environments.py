@@ -31,8 +31,6 @@ from rosbridge_sim.worlds.occupancy import GRID_FIGURES
 from rosbridge_sim.worlds.rays import RAY_FIGURES
 from rosbridge_sim.worlds.surroundings import OTHER_FIGURES
 
-__all__ = ["FIGURES", "write_environments"]
-
 FIGURES: Final = Path(__file__).parent / "environment_figures.json"
 
 EXAMPLES: Final = Path(__file__).parents[1] / "examples"

@@ -22,8 +22,6 @@ from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["FieldRow", "read_fields", "write_fields"]
-
 Release = Literal["22.R2", "26.R1"]
 
 SERVER_TOPICS: Final = {

@@ -5,8 +5,6 @@ from __future__ import annotations
 from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 
-__all__ = ["write_flags"]
-
 HEAD = """\
 # All flags
 

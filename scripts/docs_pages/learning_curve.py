@@ -12,8 +12,6 @@ from typing import Final
 
 from scripts.docs_pages.svg import INK, Point, document, text
 
-__all__ = ["draw_learning_curve"]
-
 SIZE: Final = (640, 320)
 LEFT, RIGHT, TOP, BOTTOM = 64.0, 616.0, 24.0, 264.0
 """Sides of the plot [px]."""

@@ -12,8 +12,6 @@ from typing import Final
 
 from scripts.docs_pages.svg import Point, arrow, box, document, text
 
-__all__ = ["PACKAGE_ROOMS", "SHELL_ROOMS", "SIMULATOR_ROOMS", "WORLD_ROOMS", "Picture", "draw_rooms", "read_arrows"]
-
 PACKAGE: Final = "rosbridge_sim"
 
 

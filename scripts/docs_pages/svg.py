@@ -10,8 +10,6 @@ import math
 from collections.abc import Iterable, Sequence
 from html import escape
 
-__all__ = ["Point", "arrow", "box", "document", "quadratic_point", "text"]
-
 Point = tuple[float, float]
 """x to the right and y down [px]."""
 

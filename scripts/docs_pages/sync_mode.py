@@ -8,8 +8,6 @@ from typing import Final
 from rosbridge_sim.simulator.sync.sync_table import SYNC_TABLE, SyncEvent, SyncState
 from scripts.docs_pages.svg import INK, PAPER, PAUSED_FILL, Point, arrow, box, document, quadratic_point, text
 
-__all__ = ["SIZE", "badge", "beside", "border", "draw_states", "list_edges", "write_table"]
-
 SIZE: Final = (150.0, 54.0)
 """Width and height of a state's box [px]."""
 

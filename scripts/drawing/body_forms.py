@@ -16,8 +16,6 @@ from rosbridge_sim.scenery.moving.template import Template, Tint
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape, take_frame
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["BODY_PARTS", "body_forms"]
-
 BODY_PARTS: Final = {
     Tint.PAINT: 0,
     Tint.GLASS: 1,

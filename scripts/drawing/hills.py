@@ -15,8 +15,6 @@ from typing import Any
 from scripts.drawing.mgeo import LANE, MapFiles, engine_waypoints, init, json_lines, pose
 from scripts.drawing.section import Section
 
-__all__ = ["hills_files", "hills_scenario"]
-
 RADIUS = 80.0  # of both bends, and the length of each straight from the crossing to a bend [m]
 BEND = 1.5 * math.pi * RADIUS
 LENGTH = 4.0 * RADIUS + 2.0 * BEND

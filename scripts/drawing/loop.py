@@ -8,8 +8,6 @@ from typing import Any
 from scripts.drawing.mgeo import LANE, MapFiles, init, json_lines
 from scripts.drawing.section import Section, bend, lay, straight
 
-__all__ = ["loop", "loop_files", "loop_scenario"]
-
 OFFSETS = (LANE, 0.0, -LANE)  # lane 1 is the innermost, as everywhere [m]
 STEP, STRAIGHT_STEP = 1.0, 50.0  # between points of a lane, in bends and on straights [m]
 BORDER_STEP = 8.0  # of its edges [m]; on the tightest bend the chord leaves the arc by 3 cm

@@ -8,8 +8,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["LANE", "MapFiles", "engine_waypoints", "info", "init", "json_lines", "mm", "pose"]
-
 LANE = 3.5  # width of a lane [m]
 
 Point = tuple[float, float] | tuple[float, float, float]

@@ -18,8 +18,6 @@ from typing import Any, NamedTuple
 from scripts.drawing.mgeo import LANE, MapFiles, init, json_lines
 from scripts.drawing.section import Section, bend, lay, straight
 
-__all__ = ["motorway", "motorway_files", "motorway_scenario", "rush_hour_scenario"]
-
 OFFSETS = (LANE, 0.0, -LANE)  # lane 1 is the innermost, as everywhere [m]
 BESIDE = -2.0 * LANE  # lane 4
 SERVICE = -2.0 * LANE - 18.0  # the service road: 12 m of grass lie between it and the motorway

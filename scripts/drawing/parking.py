@@ -17,8 +17,6 @@ from rosbridge_sim.scenarios.catalogue import find_model
 from scripts.drawing.mgeo import LANE, MapFiles, init, json_lines
 from scripts.drawing.section import Section, bend, chain, straight
 
-__all__ = ["parking_files", "parking_scenario"]
-
 BAY = 2.5  # width of a bay [m]
 DEPTH = 5.0  # its length [m]
 BAYS = 14  # in each row

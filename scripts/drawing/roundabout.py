@@ -16,8 +16,6 @@ from typing import Any
 from scripts.drawing.mgeo import LANE, MapFiles, init, json_lines
 from scripts.drawing.section import Section, bend, chain, straight
 
-__all__ = ["roundabout_files", "roundabout_scenario"]
-
 RING = 20.0  # radius of the lane of the roundabout [m]: 20 km/h there at 1.5 m/s^2 to the side
 MOUTH = 16.0  # radius of the curves into it and out of it [m]
 CROSSING = 200.0  # from the roundabout to the crossing, to the east [m]

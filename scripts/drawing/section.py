@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Section", "bend", "chain", "lay", "straight"]
-
 
 @dataclass(frozen=True)
 class Section:

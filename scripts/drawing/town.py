@@ -17,8 +17,6 @@ from typing import Any
 
 from scripts.drawing.mgeo import LANE, MapFiles, engine_waypoints, init, json_lines, mm, pose
 
-__all__ = ["town_files", "town_scenario"]
-
 NUM = 5  # streets each way
 PITCH = 110.0  # from street to street [m]
 AVENUE = 2  # the row and the column that are avenues
@@ -48,6 +46,7 @@ class Crossing:
 
     @property
     def name(self) -> str:
+        """Its column and row."""
         return f"{self.column}{self.row}"
 
     @property

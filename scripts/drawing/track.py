@@ -9,8 +9,6 @@ from rosbridge_sim.scenarios.catalogue import find_model
 from scripts.drawing.mgeo import LANE, MapFiles, engine_waypoints, init, json_lines, pose
 from scripts.drawing.section import Section, bend, lay, straight
 
-__all__ = ["demo_scenario", "track", "track_files"]
-
 INNER, OUTER = 0.5 * LANE, -0.5 * LANE  # the two lanes' lines, left of the reference line between them [m]
 CROSSING = 11  # the section with the crosswalk
 WALK = (3.0, 6.0)  # where it lies along that section [m]

@@ -13,8 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-__all__ = ["WHITE", "YELLOW", "BirdsEye", "decode", "hsv", "in_range"]
-
 Pixels = NDArray[np.uint8]
 Range = tuple[tuple[int, int, int], tuple[int, int, int]]
 

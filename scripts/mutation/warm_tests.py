@@ -35,8 +35,6 @@ import pytest
 
 from scripts.mutation.mutants import Mutant, mutants_of, mutate
 
-__all__ = ["Target", "Tests", "run_warm"]
-
 ROOT = Path(__file__).resolve().parent.parent.parent
 PACKAGE = "rosbridge_sim"
 MAX_MEMORY = 4 * 2**30

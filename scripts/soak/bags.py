@@ -13,8 +13,6 @@ from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from rosbridge_sim.shell.files.definitions import read_definitions
 
-__all__ = ["LONG", "put_messages", "put_topics"]
-
 FRAME_NS: Final = 20_000_000
 NUM_FRAMES: Final = 100
 

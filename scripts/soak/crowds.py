@@ -8,8 +8,6 @@ import orjson
 
 from scripts.soak.soak_client import masked
 
-__all__ = ["egos", "egos_at_once", "ghosts", "load_flood", "loads", "people", "snapshots"]
-
 PARTS = {
     f"load_{part}_data": True for part in ("network_connection", "ego_vehicle", "surrounding_vehicle", "pedestrian")
 }

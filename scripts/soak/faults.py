@@ -41,8 +41,6 @@ from scripts.soak.scenes import write_scenes  # noqa: E402
 from scripts.soak.soak_client import Client, census, differences, open_raw  # noqa: E402
 from tests.broken_proxy import BrokenProxy, Fate  # noqa: E402
 
-__all__ = ["CASES", "LONG", "SHORT", "Case", "Scale", "Verdict", "run_case"]
-
 BURST = 10
 """Ticks that are requested without waiting, so that a proxy can join their frames."""
 

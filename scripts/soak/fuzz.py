@@ -56,8 +56,6 @@ from scripts.soak.fuzz_server import (  # noqa: E402
 )
 from scripts.soak.fuzz_tape import Tape  # noqa: E402
 
-__all__ = ["Report", "fuzz"]
-
 PATIENCE = 60.0
 """Longest wait for an answer before it counts as lost [s]."""
 

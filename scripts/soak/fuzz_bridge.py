@@ -18,8 +18,6 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from scripts.soak.fuzz_frames import FrameMaker, Interface
 
-__all__ = ["SpoilingProxy", "spoiling"]
-
 SHARE = 0.1
 """Share of damaged frames: most requests of a simulator that attaches again must pass."""
 

@@ -36,8 +36,6 @@ from scripts.soak.fuzz_values import (
     PLAUSIBLE,
 )
 
-__all__ = ["Act", "FrameMaker", "Interface"]
-
 Op = dict[str, Any]
 """An op as a JSON object: any JSON values."""
 

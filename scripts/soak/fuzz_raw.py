@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import random
 
-__all__ = ["part_of_frame", "raw_bytes"]
-
 
 def raw_bytes(chance: random.Random, text: bytes) -> bytes:
     """Return bytes for a port that are not a correct WebSocket handshake.

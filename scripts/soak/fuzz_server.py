@@ -17,8 +17,6 @@ from typing import Literal
 
 from scripts.soak.scenes import write_networks, write_scenes
 
-__all__ = ["CONFIGURATIONS", "Configuration", "FuzzError", "Server", "make_data", "serving"]
-
 ROOT = Path(__file__).resolve().parents[2]
 
 PATIENCE = 60.0

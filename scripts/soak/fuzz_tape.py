@@ -10,8 +10,6 @@ from pathlib import Path
 from scripts.soak.fuzz_frames import Act
 from scripts.soak.fuzz_server import CONFIGURATIONS, Configuration
 
-__all__ = ["Tape"]
-
 MAX_KEPT = 256 * 2**20
 """Largest size of the kept acts [bytes]; earlier ones are dropped."""
 

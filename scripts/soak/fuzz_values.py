@@ -5,18 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-__all__ = [
-    "ENCODINGS",
-    "ODD",
-    "ODD_NAMES",
-    "ODD_TEXTS",
-    "ODD_TYPES",
-    "OWN_ACTIONS",
-    "OWN_SERVICES",
-    "OWN_TOPICS",
-    "PLAUSIBLE",
-]
-
 OWN_TOPICS: Final = ("/f0", "/f1", "f2", "/f3/deep/er", "/tf", "/odom", "/image")
 OWN_SERVICES: Final = ("/s0", "/s1", "s2", "/f0")
 OWN_ACTIONS: Final = ("/a0", "a1", "/fibonacci")

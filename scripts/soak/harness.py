@@ -20,21 +20,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, ClassVar, Protocol, Self
 
-__all__ = [
-    "PATIENCE",
-    "ROOT",
-    "Bystander",
-    "Figures",
-    "Frame",
-    "GoneError",
-    "RefusedError",
-    "SoakError",
-    "Waits",
-    "WatchedServer",
-    "slope_per_hour",
-    "until",
-]
-
 ROOT = Path(__file__).resolve().parents[2]
 
 PATIENCE = 60.0

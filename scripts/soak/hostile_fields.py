@@ -34,8 +34,6 @@ from rosbridge_sim.shell.files.definitions import read_definitions
 from scripts.soak.harness import Bystander, SoakError, WatchedServer
 from scripts.soak.soak_client import Client
 
-__all__ = ["LARGEST", "Target", "bodies", "find_targets", "type_of"]
-
 LARGEST = 16 * 2**20 - 1_000
 """Most bytes of a body: the server's default limit for a frame, without the op around the body."""
 

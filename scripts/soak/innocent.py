@@ -21,8 +21,6 @@ from typing import Any, NoReturn
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
 
-__all__ = ["PREFIX", "Innocent", "InnocentError"]
-
 PREFIX = "/innocent"
 """Prefix of its own topics and services, which the malicious clients do not use."""
 

@@ -24,8 +24,6 @@ from scripts.soak.harness import PATIENCE, Frame, GoneError, RefusedError, SoakE
 from scripts.soak.scenes import BAD, BUILT_IN, GOOD, MISSING
 from scripts.soak.soak_client import Client, handshake, masked, open_raw, reset
 
-__all__ = ["KINDS", "Place"]
-
 STATE_TOPICS = (
     *(
         "/Ego_topic",

@@ -33,8 +33,6 @@ from scripts.soak.lives import KINDS, Place  # noqa: E402
 from scripts.soak.scenes import BUILT_IN, write_scenes  # noqa: E402
 from scripts.soak.soak_client import Client, census, differences  # noqa: E402
 
-__all__ = ["Report", "soak"]
-
 WARM_UP = 0.25
 """First part of the run, which is not judged: all maps, message types and kinds of clients are used once in it."""
 

@@ -6,8 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-__all__ = ["BAD", "BAD_NETWORK", "BUILT_IN", "GOOD", "MISSING", "NETWORKS", "write_networks", "write_scenes"]
-
 BUILT_IN = ("demo", "town", "loop", "hills")
 
 MISSING = ("nowhere", "../secret", "a/b/c", "", "x" * 1_000, "nul\0byte")

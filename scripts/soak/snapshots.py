@@ -31,8 +31,6 @@ from rosbridge_sim.client import AsyncClient  # noqa: E402
 from rosbridge_sim.errors import ClientError  # noqa: E402
 from scripts.soak.harness import Figures, SoakError, WatchedServer  # noqa: E402
 
-__all__ = ["Report", "judge", "soak"]
-
 NUM_WARM = 6_500
 """Turns before the first figures of a long run: the server's list of snapshots by their bytes (`MAX_OWN`) is full then,
 with some ten small objects for each."""

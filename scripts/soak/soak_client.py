@@ -17,8 +17,6 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from scripts.soak.harness import PATIENCE, Frame, GoneError, RefusedError, SoakError
 
-__all__ = ["Client", "census", "differences", "handshake", "masked", "open_raw", "reset"]
-
 
 class Client:
     """A rosbridge client that reads all the time.

@@ -51,8 +51,6 @@ from rosbridge_sim.world.state.world import DT, Kind, World  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
 from scripts.soak.traffic_cells import CELLS, MINUTES, Cell, cells_of, world_of  # noqa: E402
 
-__all__ = ["Outcome", "Watch", "as_table", "run_cell"]
-
 STRANDED = 180.0
 """[s]"""
 

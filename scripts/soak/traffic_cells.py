@@ -21,8 +21,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 
-__all__ = ["CELLS", "MINUTES", "Cell", "cells_of", "populate", "world_of"]
-
 MINUTES = 10.0
 """Length of a cell."""
 

@@ -11,8 +11,6 @@ from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["compare", "list_runs", "report", "show"]
-
 MAX_LOG_SHOWN = 4_000
 """Characters of a driver's output that `show` prints, its end."""
 

@@ -25,8 +25,6 @@ from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result, Run
 from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["check", "merge", "repeat", "run"]
-
 INTERRUPTED = 130
 
 _LINE_EVERY = 10.0

@@ -9,8 +9,6 @@ from rosbridge_sim.cli.tools.text import put, put_json
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.bags.bag_reader import open_reader
 
-__all__ = ["show_bag"]
-
 
 def show_bag(name: str, *, is_json: bool) -> int:
     """Print duration, size and topics of a bag, in the form of `ros2 bag info`.

@@ -8,8 +8,6 @@ from rosbridge_sim.cli.tools.text import put, put_json
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.bags.repair import Recovered, repair, repaired_name
 
-__all__ = ["repair_bag"]
-
 
 def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
     """Write the complete parts of a bag into a new one, and print what was found.

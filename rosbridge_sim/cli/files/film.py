@@ -22,8 +22,6 @@ from rosbridge_sim.shell.scene_film import FilmCamera, SceneFilm
 if TYPE_CHECKING:  # it is imported late, because few commands need it
     from PIL.Image import Image
 
-__all__ = ["FilmChoice", "film_clip", "film_shot", "read_world"]
-
 FRAMES_A_SECOND: Final = 50
 
 MOVING: Final = (".webp", ".gif", ".png")

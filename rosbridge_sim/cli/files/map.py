@@ -21,8 +21,6 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder, refuse_map_file
 from rosbridge_sim.shell.files.other_formats import MAP_IS, find_other_formats
 
-__all__ = ["show_maps"]
-
 MAX_ROWS: Final = 60
 """Intersections that are listed for people."""
 

@@ -42,8 +42,6 @@ from rosbridge_sim.world.geometry.planar import arc_lengths
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["check_scenarios", "open_library", "show_keys"]
-
 _VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
 """Environment variables about scenarios and maps. Mistakes in others do not matter to this command."""
 

@@ -9,8 +9,6 @@ from typing import Any, Final
 from rosbridge_sim.cli.tools.text import put, put_json
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["Verdicts", "exit_code", "put_verdict"]
-
 CheckReport = Mapping[str, Any]
 """A JSON object with `file`, `mistakes` and `remarks`."""
 

@@ -11,8 +11,6 @@ from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["list_actions", "send_goal", "show_action", "show_action_type"]
-
 _STATUS = ("UNKNOWN", "ACCEPTED", "EXECUTING", "CANCELING", "SUCCEEDED", "CANCELED", "ABORTED")
 """Word for each number of action_msgs/GoalStatus."""
 

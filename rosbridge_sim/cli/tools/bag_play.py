@@ -20,8 +20,6 @@ from rosbridge_sim.shell.bags.bag_reader import BagTypes, open_reader, read_mess
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
-__all__ = ["Selection", "play"]
-
 
 @dataclass(frozen=True, slots=True)
 class Selection:

@@ -15,8 +15,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.page.doc_files import find_doc_pages, find_docs_folder
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["list_pages", "open_site", "show_page"]
-
 SITE: Final = Path(__file__).resolve().parents[3] / "build" / "site" / "index.html"
 """First page of a site that `mkdocs build` has made in a checkout."""
 

@@ -19,8 +19,6 @@ from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["METERS", "Bandwidths", "Delays", "Meter", "Rate", "Rates", "measure"]
-
 REPORT_INTERVAL = 1.0
 """Time between two reports [s]."""
 

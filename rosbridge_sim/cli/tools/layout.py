@@ -10,8 +10,6 @@ import orjson
 from rosbridge_sim.cli.tools.text import note, put
 from rosbridge_sim.cli.tools.tool_client import Bridge, words
 
-__all__ = ["VIEWERS", "choose_names", "lichtblick", "print_layout", "rviz", "seen_names"]
-
 TOPICS: Final = {
     "/sim/scene/map": "visualization_msgs/MarkerArray",
     "/sim/scene/objects": "visualization_msgs/MarkerArray",

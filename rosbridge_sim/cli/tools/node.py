@@ -9,8 +9,6 @@ from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["list_nodes", "show_node"]
-
 
 async def list_nodes(bridge: Bridge, *, is_count: bool, is_json: bool) -> int:
     """Print all nodes.

@@ -19,8 +19,6 @@ from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["delete", "describe", "dump", "get", "list_parameters", "set_value"]
-
 _WORDS = {bool: "Boolean", int: "Integer", float: "Double", str: "String"}
 """Word of `ros2 param get` for the type of a value."""
 

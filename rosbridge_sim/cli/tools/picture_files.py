@@ -15,8 +15,6 @@ from rosbridge_sim.link.terminal_text import safe
 if TYPE_CHECKING:  # it is imported late, because few commands need it
     from PIL.Image import Image
 
-__all__ = ["picture_of", "save"]
-
 
 def picture_of(raw: bytes, size: tuple[int, int], encoding: str) -> Image:
     """Return the picture of a sensor_msgs/Image.

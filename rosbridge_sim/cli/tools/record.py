@@ -33,8 +33,6 @@ from rosbridge_sim.shell.bags.bag import generation_of, open_bag
 from rosbridge_sim.shell.bags.bag_recorder import FLUSH_PERIOD
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 
-__all__ = ["default_name", "record"]
-
 MAX_WAITING_MESSAGES = 10_000
 """Messages that wait for a first clock message until the next flush; if there are more, all get time 0."""
 

@@ -10,8 +10,6 @@ from rosbridge_sim.graph.ros2.discovery_info import Distro
 from rosbridge_sim.graph.ros2.network_check import check_graph, domain_of
 from rosbridge_sim.shell.ros2.looking import look_at_domain
 
-__all__ = ["check_ros2"]
-
 DEFAULT_DISTRO: Final = "jazzy"
 
 

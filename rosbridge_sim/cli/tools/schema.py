@@ -23,19 +23,6 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "KINDS",
-    "DefinitionSources",
-    "list_interfaces",
-    "list_types",
-    "open_store",
-    "read_texts",
-    "show_interface",
-    "show_prototype",
-    "show_type",
-    "write_typescript",
-]
-
 Kind = Literal["msg", "srv", "action"]
 
 KINDS: tuple[Kind, ...] = ("msg", "srv", "action")

@@ -7,8 +7,6 @@ from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, frames_in
 from rosbridge_sim.cli.tools.tool_subscription import Listener
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["follow", "show"]
-
 SCORE = "/sim/score"
 """Name of the service and of the topic."""
 

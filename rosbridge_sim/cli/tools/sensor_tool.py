@@ -15,8 +15,6 @@ from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["list_sensors", "take_shot"]
-
 SERVICE = "/sim/sensors"
 
 JPEG_SUFFIXES = (".jpg", ".jpeg")

@@ -12,9 +12,6 @@ from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["call", "find_services", "list_services", "read_fields", "show_service", "show_service_word"]
-
-
 # list
 
 

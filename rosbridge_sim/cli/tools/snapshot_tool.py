@@ -13,8 +13,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["list_snapshots", "restore", "take_snapshot"]
-
 SUFFIX = ".rbsim"
 """Suffix of snapshots' files: what ends with it is no name that the server keeps."""
 

@@ -9,8 +9,6 @@ from rosbridge_sim.cli.tools.tool_client import Bridge
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["spawn"]
-
 SERVICE = "/sim/spawn"
 
 

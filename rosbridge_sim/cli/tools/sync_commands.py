@@ -11,8 +11,6 @@ from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["ModeInfo", "read_sync_info", "show_sync", "step", "tick", "why_silent", "why_standing"]
-
 SYNC_INFO = "/SyncModeInfo"
 
 BARRIER = "/sim/barrier"

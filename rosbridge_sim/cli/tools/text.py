@@ -19,20 +19,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = [
-    "leaves",
-    "note",
-    "put",
-    "put_json",
-    "put_lines",
-    "put_names",
-    "put_record",
-    "put_table",
-    "read_body",
-    "render",
-]
-
-
 # Output
 
 

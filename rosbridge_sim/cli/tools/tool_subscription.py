@@ -11,8 +11,6 @@ from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["Listener", "NoTopicError", "clock_of", "no_topic", "stamp_of"]
-
 CLOCK = "/clock"
 
 CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}

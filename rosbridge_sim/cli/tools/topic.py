@@ -17,20 +17,6 @@ from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "Echo",
-    "FieldPath",
-    "echo",
-    "find_topics",
-    "is_ros2",
-    "list_topics",
-    "positional_message",
-    "publish",
-    "show_topic",
-    "show_topic_type",
-    "types_of_topics",
-]
-
 LOOK_INTERVAL = 0.2
 """Time between two questions for the subscribers of a topic [s]."""
 

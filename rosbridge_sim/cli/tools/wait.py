@@ -8,8 +8,6 @@ from rosbridge_sim.cli.tools.tool_client import open_bridge
 from rosbridge_sim.errors import ConnectError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 
-__all__ = ["wait_until_ready"]
-
 PAUSE = 0.1
 """Time between two attempts [s]; a server starts in half a second to a second."""
 

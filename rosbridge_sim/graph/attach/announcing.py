@@ -26,8 +26,6 @@ from rosbridge_sim.graph.attach.mirror_registry import MirroredItem, MirrorRegis
 from rosbridge_sim.graph.stamps import PARAMETER, says_simulated
 from rosbridge_sim.protocol.json_encoding import publish_head
 
-__all__ = ["UNREGISTER_TIME", "Announcer"]
-
 UNREGISTER_TIME: Final = 11.0
 """Time for which a topic stays unadvertised [s]. rosbridge_suite drops its publisher after `unregister_timeout`, 10 s.
 """

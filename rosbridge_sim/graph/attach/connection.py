@@ -28,8 +28,6 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 
-__all__ = ["PROBE", "BridgeConnection", "OnReply", "Values"]
-
 PROBE = "/rosapi/get_time"
 """A service whose answer shows the progress of the far side: cheap, and harmless everywhere.
 

@@ -16,18 +16,6 @@ from typing import Final, Literal
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.protocol.ops import Status
 
-__all__ = [
-    "MAX_LINES",
-    "PERIOD",
-    "Diagnostics",
-    "ItemKey",
-    "is_list_of_topics",
-    "names_of",
-    "plain_type",
-    "refuses_null",
-    "types_of",
-]
-
 MAX_LINES, PERIOD = 10, 10.0
 """At most so many lines about the remote bridge's messages in so many seconds."""
 

@@ -21,8 +21,6 @@ from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["FAR_SIDE_NAME", "FarSide"]
-
 FAR_SIDE_NAME: Final = "/rosbridge_far_side"
 """Node name of all programs on the far side together, because we cannot tell them apart."""
 

@@ -37,17 +37,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
-__all__ = [
-    "AIM",
-    "BASE_PERIOD",
-    "FIRST_FRAMES",
-    "FRAME_COST",
-    "MAX_IN_FLIGHT",
-    "MAX_PATIENCE",
-    "PATIENCE",
-    "FlowControl",
-]
-
 FRAME_COST = 1_500
 """Cost of a frame in addition to its bytes [bytes]."""
 

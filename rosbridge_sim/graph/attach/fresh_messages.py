@@ -14,8 +14,6 @@ from typing import Final, NamedTuple
 
 from rosbridge_sim.graph.attach.flow_control import AIM
 
-__all__ = ["MAX_WAIT", "FreshMessages", "WaitingMessage"]
-
 MAX_WAIT: Final = AIM
 """Longest wait of a message while all are kept [s]: as long as the bridge itself may need, so that a burst of many
 frames at once still arrives whole at a bridge that is fast."""

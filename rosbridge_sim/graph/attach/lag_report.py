@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["REPORT_PERIOD", "LagReport"]
-
 REPORT_PERIOD: Final = 5.0
 """Length of a period [s]: longer than the load at the start, when everything is announced."""
 

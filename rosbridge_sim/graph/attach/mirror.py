@@ -35,8 +35,6 @@ from rosbridge_sim.protocol.json_encoding import response_frame
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["OPS_PER_TURN", "Mirror"]
-
 OPS_PER_TURN: Final = 64
 """Ops of one connection that are done in one turn: about 2 ms of work."""
 

@@ -23,8 +23,6 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.protocol.json_encoding import publish_head
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["BULK", "MirrorRegistry", "MirroredItem", "depth_of"]
-
 BULK: Final = "pictures and clouds"
 """Name of the connection for the messages of large topics."""
 

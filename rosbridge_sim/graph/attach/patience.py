@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-__all__ = ["MAX_QUESTION_PATIENCE", "PROBE_PATIENCE", "Patience"]
-
 PROBE_PATIENCE: Final = 2.0
 """Shortest wait for an answer to a question [s]; rosbridge_suite in ROS 2 searches one second for a missing service."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.graph.attach.diagnostics import names_of
 from rosbridge_sim.graph.attach.mirror_registry import MirroredItem, MirrorRegistry
 
-__all__ = ["READERS_PERIOD", "ReaderWatch"]
-
 READERS_PERIOD: Final = 3.0
 """Time between two questions about one topic [s]: a new program there waits so long for its first picture, and three
 topics are one call a second, little beside the pictures."""

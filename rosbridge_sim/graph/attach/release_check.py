@@ -17,8 +17,6 @@ from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
 from rosbridge_sim.schema.definitions.typedefs import typedefs
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["ReleaseCheck"]
-
 _END_OF_NAME: Final = re.compile(r"[\[<>, ]")
 """First character behind the name of a type: of its length, or of what a sequence holds."""
 

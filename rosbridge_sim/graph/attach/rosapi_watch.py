@@ -10,8 +10,6 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final
 
-__all__ = ["LOOK_PERIOD", "LOST_PERIOD", "RosapiChange", "RosapiWatch"]
-
 LOOK_PERIOD: Final = 5.0
 """Time between two calls that check if it is there [s]: short enough to notice a loss soon, long enough to be no load.
 """

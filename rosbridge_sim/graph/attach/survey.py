@@ -13,8 +13,6 @@ from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.graph.attach.diagnostics import Diagnostics, is_list_of_topics
 from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
 
-__all__ = ["SURVEY_DELAYS", "Survey"]
-
 SURVEY_DELAYS: Final = (0.0, 1.0, 3.0)
 """Waiting times before the lists are requested [s], each counted from the request before. In ROS 2, discovery of topics
 takes seconds."""

@@ -27,8 +27,6 @@ from rosbridge_sim.protocol.roslibpy_status import OPS_WITH_ID, is_id_of_roslibp
 from rosbridge_sim.protocol.session import LEVELS, Session
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["MAX_OP_ID", "FrameWork", "Peer", "Work"]
-
 MAX_OP_ID = 1_024
 """Longest id of anything that is stored [characters]; other ids are only echoed."""
 

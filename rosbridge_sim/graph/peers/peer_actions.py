@@ -12,8 +12,6 @@ from rosbridge_sim.graph.peers.pending_work import PendingWork, find_awaited
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["PeerActions"]
-
 
 class PeerActions:
     """The actions of one client."""

@@ -23,8 +23,6 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["WEBSOCKET_NODE_NAME", "CheckRoom", "PeerBase", "needed_type", "split_id"]
-
 WEBSOCKET_NODE_NAME = "/rosbridge_websocket"
 """One ROS node name for all clients, as with rosbridge_suite; Lichtblick searches for it."""
 

@@ -23,8 +23,6 @@ from rosbridge_sim.protocol.json_encoding import call_head
 from rosbridge_sim.protocol.ops import is_absent
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["PeerServices"]
-
 _EMPTY = re.compile(rb"\{\s*+\}")
 """JSON text of an object without fields."""
 

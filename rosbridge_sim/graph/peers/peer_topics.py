@@ -27,8 +27,6 @@ from rosbridge_sim.schema.missing_fields import find_missing
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.suggestions import hint, listing
 
-__all__ = ["MAX_WATCHED_TOPICS", "PeerTopics"]
-
 _IMPLICIT = object()
 """Key of the advertisement that a publish without id and advertise creates; no client can send it."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Generic, Protocol, TypeVar
 
-__all__ = ["PendingWork", "find_awaited"]
-
 MIN_TIDY = 1_000
 """Ended calls or goals that a list may hold before they are removed. A late answer to one of them is not a mistake."""
 

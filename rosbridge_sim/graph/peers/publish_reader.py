@@ -22,8 +22,6 @@ from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import REFUSALS, Finalize, MessageType
 
-__all__ = ["LEARN_EACH", "MAX_LEARNT", "PublishReader"]
-
 LEARN_EACH = 50
 """So many messages come in the usual way before the topic of the last one is learnt: that takes 50 us."""
 

@@ -10,8 +10,6 @@ import struct
 from collections.abc import Mapping
 from typing import Any, Final
 
-__all__ = ["count_objects"]
-
 _BASE, _NAME, _ARRAY = 1, 2, 3
 """Kinds of fields, as rosbags numbers them; 4 is a sequence."""
 

@@ -26,8 +26,6 @@ if TYPE_CHECKING:  # an import of a tenth of a second that only a node of ROS 2 
     from rosbags.interfaces.typing import Fielddefs, Typesdict
     from rosbags.typesys.store import Typestore
 
-__all__ = ["MAX_OBJECTS", "CdrType", "CdrTypes"]
-
 MAX_OBJECTS: Final = 4_000
 """Most messages and texts within a message that is read: reading them takes 50 ms."""
 

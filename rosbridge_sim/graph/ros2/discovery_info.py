@@ -13,8 +13,6 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal, TypeAlias
 
-__all__ = ["DISCOVERY_TOPIC", "Distro", "discovery_type", "node_names", "write_discovery"]
-
 Distro: TypeAlias = Literal["humble", "iron", "jazzy", "kilted", "rolling"]
 """A distribution of ROS 2."""
 

@@ -8,8 +8,6 @@ from rosbridge_sim.graph.ros2.cdr_types import CdrType
 from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.records import Record
 
-__all__ = ["Endpoint", "FarNode"]
-
 
 class Endpoint(Record):
     """A publisher or subscription of another program on the graph.

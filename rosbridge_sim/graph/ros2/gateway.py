@@ -32,8 +32,6 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["ADVERTISED_PER_TURN", "MAX_TOPICS", "PERIOD", "Ros2Gateway"]
-
 MAX_TOPICS: Final = 1_000
 """Most topics in each direction. DDS tells every program of every endpoint, so more would be a burden to all."""
 

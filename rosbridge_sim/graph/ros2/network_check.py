@@ -14,8 +14,6 @@ from rosbridge_sim.graph.ros2.quality import Quality, why_unheard
 from rosbridge_sim.graph.ros2.ros2_names import name_some, node_text
 from rosbridge_sim.records import Record
 
-__all__ = ["ONE_TOO_MANY", "Discovery", "Finding", "SeenEndpoint", "SeenGraph", "check_graph", "domain_of"]
-
 Discovery = Literal["localhost", "multicast"]
 """Where a program looks for others; see `--ros2-discovery`."""
 

@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-__all__ = ["PROFILES", "Quality", "read_choice", "why_unheard"]
-
 
 @dataclass(frozen=True, slots=True)
 class Quality:

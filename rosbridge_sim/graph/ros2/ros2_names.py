@@ -10,8 +10,6 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-__all__ = ["dds_topic", "dds_type", "guid_text", "is_name", "name_some", "node_text", "topic_of", "type_of"]
-
 _NAME: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
 _DDS_TYPE: Final = re.compile(r"([a-z]\w*)::msg::dds_::([A-Za-z]\w*)_", re.ASCII)
 _TOPIC: Final = "rt"

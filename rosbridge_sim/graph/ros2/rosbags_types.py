@@ -17,8 +17,6 @@ from rosbridge_sim.schema.definitions.names import ros2_names, spelled
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Fielddefs, Typesdict
 
-__all__ = ["types_in"]
-
 _TIMES: Final = {"time": "builtin_interfaces/msg/Time", "duration": "builtin_interfaces/msg/Duration"}
 
 _TIME_FIELDS: Final[Fielddefs] = [("sec", (Nodetype.BASE, ("int32", 0))), ("nanosec", (Nodetype.BASE, ("uint32", 0)))]

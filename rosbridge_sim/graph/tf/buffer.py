@@ -19,19 +19,6 @@ from rosbridge_sim.graph.participant import Participant, is_guest
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
 
-__all__ = [
-    "IDENTITY",
-    "MAX_FRAME_NAME",
-    "MAX_TF_FRAMES",
-    "Placed",
-    "Transform",
-    "TransformBuffer",
-    "compose",
-    "frame_name",
-    "invert",
-    "turn",
-]
-
 MAX_TF_FRAMES = 1_000
 """Largest number of moving frames, and of static ones. The oldest is removed first, frames of clients before the
 server's own. Static frames are sent only once, so a client could otherwise remove them for ever."""

@@ -37,15 +37,6 @@ from rosbridge_sim.graph.ways import REPUBLISH_SERVICE, REPUBLISHER_NAME
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 
-__all__ = [
-    "DEFAULT_TIMEOUT",
-    "MAX_FRAME_PAIRS",
-    "MAX_STREAMS",
-    "OWN_PAIRS",
-    "OWN_STREAMS",
-    "WebRepublisher",
-]
-
 DEFAULT_TIMEOUT = 10.0
 """Time for which a topic waits for subscribers if the request does not set it [s]."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Gear
 
-__all__ = ["AUTO_MODE", "EgoSetting", "GhostPose", "NpcGhosts", "ego_settings", "ghost_pose", "lamps_of", "npc_ghosts"]
-
 AUTO_MODE: Final = 16
 """Number of the mode in a MultiEgoSetting in which a program drives."""
 

@@ -8,8 +8,6 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import Gear, Mode
 
-__all__ = ["GEARS", "MODES", "Control", "gear_of"]
-
 GEARS: Final = "1 (P), 2 (R), 3 (N), 4 (D)"
 """The gears on the wire, for a person to read."""
 

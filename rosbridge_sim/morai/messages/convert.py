@@ -52,8 +52,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import STEP_NS, Body, Dynamics, Kind, World
 
-__all__ = ["Converter", "late_maker", "maker", "time_text"]
-
 # Units
 
 

@@ -11,18 +11,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.tyre_readings import read_tyres
 
-__all__ = [
-    "AXLE_OF",
-    "LANE_FIGURES",
-    "OFF_ROAD",
-    "Figure",
-    "LateralPlace",
-    "find_lane_place",
-    "front_steer_angle",
-    "rear_steer_angle",
-    "tyre_figure",
-]
-
 
 class LateralPlace(Record):
     """The ego's place across its lane, left positive, and the distances to the lane's edges [m]; zeros off any road."""

@@ -12,18 +12,6 @@ from rosbridge_sim.morai.releases import Profile
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.world import Body, Kind, World
 
-__all__ = [
-    "DEGREES",
-    "EGO_TYPE",
-    "LATE_FROM",
-    "OBJECT_TYPES",
-    "ObjectLayout",
-    "UniqueId",
-    "choose_listed",
-    "exact_quotient",
-    "in_lists",
-]
-
 DEGREES: Final = math.degrees(1.0)
 """Degrees in one radian."""
 

@@ -15,8 +15,6 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.chance import mix
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["EGO_PAINT", "lit_table", "paints", "tint_table"]
-
 _CARS: Final = np.array(
     [
         *[(226, 228, 228)] * 8,  # white, about a third of all cars (Axalta's report on colours, Asia, 2023)

@@ -22,8 +22,6 @@ from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
-__all__ = ["MovingScene", "stretch"]
-
 _LABELS: Final = {
     Shape.MOTORCYCLE: Label.MOTORCYCLE,
     Shape.BICYCLE: Label.BICYCLE,

@@ -15,8 +15,6 @@ from rosbridge_sim.scenery.scene_frame import Shape
 from rosbridge_sim.scenery.solids import box
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["AXLES", "obstacle_template", "two_wheeler_template"]
-
 RIDER_HEIGHT: Final = 1.72
 """[m]"""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tin
 from rosbridge_sim.scenery.solids import Solid, column, prism
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["Limb", "figure_limbs", "pose_figure", "trunk_template", "walking_angles"]
-
 HIP, KNEE, SHOULDER, ELBOW = 0.50, 0.275, 0.815, 0.63
 """Heights of joints as shares of the height of a person, as in anthropometric tables (Drillis and Contini, 1966)."""
 

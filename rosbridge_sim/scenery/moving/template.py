@@ -15,8 +15,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.solids import Solid, box, column
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["Template", "TemplateBuilder", "Tint"]
-
 
 class Tint(IntEnum):
     """Part of an entity that has one colour."""

@@ -12,8 +12,6 @@ from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tin
 from rosbridge_sim.scenery.scene_frame import Shape
 from rosbridge_sim.scenery.solids import join
 
-__all__ = ["TRACK", "WHEELS", "vehicle_template", "wheel_template"]
-
 WHEELS: Final = {
     Shape.CAR: (0.225, 0.12),
     Shape.VAN: (0.18, 0.12),

@@ -23,8 +23,6 @@ from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["add_dressing"]
-
 REACH: Final = 140.0
 """Nothing stands farther than this from all roads [m]."""
 

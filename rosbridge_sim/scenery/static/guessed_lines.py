@@ -13,8 +13,6 @@ from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["guess_borders"]
-
 STEP: Final = 1.0
 """Distance of the places at which an edge of a lane is looked at [m]."""
 

@@ -21,8 +21,6 @@ from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, arc_lengths
 from rosbridge_sim.world.roads.roads import LEVEL
 
-__all__ = ["LoosePaint"]
-
 STEP: Final = 0.5
 """Distance of the places at which paint is looked at [m]."""
 

@@ -10,8 +10,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.surface import Surface
 
-__all__ = ["RoadCover"]
-
 AT_ONCE: Final = 500
 """Places that are looked at in one search: crowds of more are thinned out by it."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["NARROW", "add_edges"]
-
 KERB_WIDTH, KERB_HEIGHT = 0.18, 0.09
 """[m]; a kerb at a crossing of people is lower than the usual 15 cm, and here all are."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["WHITE", "YELLOW", "add_paint", "four_corners", "is_painted"]
-
 WHITE: Final[Colour] = (236, 233, 229)
 """HSV 17, 8, 236 in OpenCV's units: within H 0..30, S <= 10, V >= 205, the ranges of all masks for white paint."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.scenery.static.road_paint import WHITE
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
-__all__ = ["add_markings", "add_signs"]
-
 LIFT: Final = 0.005
 """Markings are so high above the asphalt [m], between lines and crosswalks."""
 

@@ -12,8 +12,6 @@ from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["ASPHALT", "SHOULDER", "add_asphalt", "beside", "lane_rows"]
-
 ASPHALT: Final[Colour] = (97, 97, 99)
 """Colour of the lanes: V is about 100 of 255, so no mask for white paint takes it."""
 

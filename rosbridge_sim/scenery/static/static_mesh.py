@@ -21,8 +21,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Light
 
-__all__ = ["origin_of", "static_mesh"]
-
 
 def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = True) -> Mesh:
     """Return what stands still of a map. It takes up to a second for a small town: call it in a thread.

@@ -13,8 +13,6 @@ from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["Terrain"]
-
 MARGIN: Final = 250.0
 """The ground reaches this far beyond the outermost lanes [m]."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.signal_plan import Lamp, Light, SignalPlan
 
-__all__ = ["SignalLamps", "add_lights"]
-
 LENS: Final = 0.15
 """Radius of a lens [m]: 30 cm across, as Korea's lights for vehicles have."""
 

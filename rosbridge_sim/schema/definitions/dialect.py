@@ -11,8 +11,6 @@ from rosbridge_sim.records import Record, field
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.definitions.parse import INT_RANGES
 
-__all__ = ["ROS1", "ROS2", "Dialect", "Duration", "Leniency", "Time", "Time2"]
-
 _UInt32 = Annotated[int, msgspec.Meta(ge=0, le=2**32 - 1)]
 
 _Int32 = Annotated[int, msgspec.Meta(ge=-(2**31), le=2**31 - 1)]

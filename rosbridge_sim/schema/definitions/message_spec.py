@@ -12,8 +12,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.dialect import Dialect
 from rosbridge_sim.schema.definitions.parse import Definition, Field
 
-__all__ = ["FieldSpec", "MessageSpec", "layout_of"]
-
 
 class FieldSpec(Record):
     """A field of a message type.

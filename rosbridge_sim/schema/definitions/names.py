@@ -14,18 +14,6 @@ from typing import Final, Literal, TypeAlias
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.printable import MAX_QUOTED, printable
 
-__all__ = [
-    "FEEDBACK_MESSAGE",
-    "RENAMED_FIELDS",
-    "RENAMED_PACKAGES",
-    "DefinitionKind",
-    "Generation",
-    "ros2_names",
-    "snake_case",
-    "spelled",
-    "split_name",
-]
-
 Generation: TypeAlias = Literal[1, 2]
 """A ROS generation."""
 

@@ -18,20 +18,6 @@ from rosbridge_sim.errors import DefinitionError
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.names import Generation
 
-__all__ = [
-    "BASE_TYPES",
-    "INT_RANGES",
-    "MAX_FLOAT32",
-    "NAME_TOKEN",
-    "TYPE_TOKEN",
-    "Constant",
-    "Definition",
-    "Field",
-    "parse_action",
-    "parse_message",
-    "parse_service",
-]
-
 INT_RANGES = {f"int{n}": (-(2 ** (n - 1)), 2 ** (n - 1) - 1) for n in (8, 16, 32, 64)} | {
     f"uint{n}": (0, 2**n - 1) for n in (8, 16, 32, 64)
 }

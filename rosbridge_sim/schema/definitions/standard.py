@@ -13,8 +13,6 @@ from typing import Final
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.definitions.standard_texts import OF_BOTH, OF_ROS1, OF_ROS2
 
-__all__ = ["PACKAGES", "WITHOUT_SERVICES", "ros2_text", "standard_names", "standard_text"]
-
 _SHARED: Final = frozenset(
     {"actionlib_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "shape_msgs"}
     | {"std_msgs", "stereo_msgs", "trajectory_msgs", "visualization_msgs", "example_interfaces"}

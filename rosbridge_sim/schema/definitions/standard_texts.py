@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-__all__ = ["OF_BOTH", "OF_ROS1", "OF_ROS2"]
-
 OF_BOTH: Final[Mapping[str, str]] = {
     "actionlib_msgs/GoalID": "time stamp\nstring id\n",
     "actionlib_msgs/GoalStatus": "uint8 PENDING=0\nuint8 ACTIVE=1\nuint8 PREEMPTED=2\nuint8 SUCCEEDED=3\nuint8 ABORTED=4\nuint8 REJECTED=5\nuint8 PREEMPTING=6\nuint8 RECALLING=7\nuint8 RECALLED=8\nuint8 LOST=9\nactionlib_msgs/GoalID goal_id\nuint8 status\nstring text\n",

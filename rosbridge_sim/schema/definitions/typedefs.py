@@ -16,8 +16,6 @@ from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation, ros2_names, snake_case
 from rosbridge_sim.schema.definitions.parse import TYPE_TOKEN, Constant, Definition, Field
 
-__all__ = ["TypeDef", "full_text", "typedefs"]
-
 _TIMES = {
     1: {"time": "time", "duration": "duration"},
     2: {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"},

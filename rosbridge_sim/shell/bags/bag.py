@@ -42,8 +42,6 @@ from rosbridge_sim.shell.bags.rosbags_internals import (
 )
 from rosbridge_sim.shell.files.access_rights import why_not_writable
 
-__all__ = ["Bag", "BagGoneError", "Channel", "generation_of", "open_bag"]
-
 Channel = Connection
 """One topic in a bag."""
 

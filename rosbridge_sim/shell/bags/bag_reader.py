@@ -40,8 +40,6 @@ if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
     from rosbags.rosbag2 import Reader as Reader2
     from rosbags.typesys.store import Typestore
 
-__all__ = ["BagTypes", "open_reader", "read_messages", "read_recording"]
-
 _EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
 _FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are a name, not an ego's number
 _USUAL: Final = {_EGO: "/Ego_topic", _OBJECTS: "/Object_topic", _INFO: "/ReplayInfo_topic"}

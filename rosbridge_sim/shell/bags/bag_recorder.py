@@ -23,8 +23,6 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.bags.bag import BagGoneError
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 
-__all__ = ["FLUSH_PERIOD", "BagRecorder"]
-
 MAX_TOPICS = 10_000
 """Largest number of topics in one recording. A recorded topic is never forgotten, so with `--record-topics '*'` a
 client that advertises new names in a loop would fill the memory."""

@@ -18,8 +18,6 @@ from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import Bag, Channel
 
-__all__ = ["BagMessageWriter"]
-
 
 class _Track(Record):
     """A topic in a bag.

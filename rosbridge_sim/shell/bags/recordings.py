@@ -24,8 +24,6 @@ from rosbridge_sim.shell.files.sensor_data_store import OWN_NAME
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Then
 
-__all__ = ["REPLAY_FOLDER", "DiskRecordings", "find_recording", "list_recordings"]
-
 REPLAY_FOLDER: Final = "Replay"
 """Folder for recordings within the data folder."""
 

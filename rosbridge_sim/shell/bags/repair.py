@@ -26,8 +26,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.bags.bag import Bag, Channel, open_bag
 from rosbridge_sim.shell.bags.rosbags_internals import unpack_mcap
 
-__all__ = ["Recovered", "repair", "repaired_name"]
-
 _MAGIC1: Final = b"#ROSBAG V2.0\n"
 _MAGIC2: Final = b"\x89MCAP0\r\n"
 

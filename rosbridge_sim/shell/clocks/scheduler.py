@@ -20,8 +20,6 @@ from typing import Protocol, runtime_checkable
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.graph.bus import Bus
 
-__all__ = ["Clock", "Scheduler", "WorldFailedError"]
-
 _log = logging.getLogger("rosbridge_sim.app")
 
 SHORTEST_WAIT = 0.001

@@ -10,8 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-__all__ = ["WallClock"]
-
 
 class WallClock:
     """The system's clock without steps back; each reading is later than the one before."""

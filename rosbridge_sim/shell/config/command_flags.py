@@ -13,8 +13,6 @@ from rosbridge_sim.shell.config.keys import flags_and_variables, read_value, sho
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["read_flags"]
-
 
 def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, object]:
     """Return the checked values of a command line's flags, by their keys.

@@ -7,8 +7,6 @@ from typing import TypeVar
 
 from rosbridge_sim.shell.config.value_types import SECRET, URLS, ValueType
 
-__all__ = ["Flag", "flag"]
-
 T = TypeVar("T")
 
 

@@ -9,8 +9,6 @@ from rosbridge_sim.shell.config.flag import Flag
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import RATES
 
-__all__ = ["FIELDS", "SHORT_FORMS", "flag_of"]
-
 FIELDS: dict[str, Field[Any]] = {one.name.replace("_", "-"): one for one in fields(Settings)}
 """Key, which is the flag without its dashes, -> field."""
 

@@ -14,17 +14,6 @@ from rosbridge_sim.shell.config.value_types import SECRET, SWITCH
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
-__all__ = [
-    "add_value",
-    "flags_and_variables",
-    "keys",
-    "read_switchable",
-    "read_value",
-    "show_value",
-    "tables",
-    "variable",
-]
-
 
 def tables() -> list[str]:
     """Return the keys that are tables, which only a file can have."""

@@ -27,8 +27,6 @@ from rosbridge_sim.suggestions import hint
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
-__all__ = ["FindMistakes", "check_options", "read_settings", "strange_variables"]
-
 FindMistakes = Callable[[Settings], Sequence[str]]
 """Returns mistakes in settings that only a simulator made from them can find, one line each."""
 

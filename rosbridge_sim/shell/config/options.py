@@ -9,8 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, TypedDict
 
-__all__ = ["SimulatorOptions"]
-
 
 class SimulatorOptions(TypedDict, total=False):
     """All settings, by the names of the fields of `Settings`. Sizes are bytes, or texts such as `16MiB`."""

@@ -41,8 +41,6 @@ from rosbridge_sim.shell.config.value_types import (
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
-__all__ = ["Settings"]
-
 _LISTEN = "listening"
 _ATTACH = "attaching to another rosbridge"
 _ROS2 = "ROS 2"

@@ -21,8 +21,6 @@ from rosbridge_sim.suggestions import hint
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 
-__all__ = ["looks_like_path", "read_file", "read_network"]
-
 JSON_SUFFIX: Final = ".json"
 """End of the name of a network file of MORAI."""
 

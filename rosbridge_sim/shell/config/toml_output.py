@@ -15,8 +15,6 @@ from rosbridge_sim.shell.config.value_types import FOLDERS, SECRET, SWITCH, URLS
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
 
-__all__ = ["format_config"]
-
 
 def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
     """Return the settings as a TOML file that can be read again; secrets are left out and must be added by the user.

@@ -11,8 +11,6 @@ from typing import Any
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.shell.config.value_types import show_size
 
-__all__ = ["Lines", "lines_of", "place_of", "read_text", "read_toml"]
-
 MAX_CONFIG_SIZE = 2**20
 """A longer file is not a settings file [bytes]."""
 

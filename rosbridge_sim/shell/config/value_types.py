@@ -18,35 +18,6 @@ from rosbridge_sim.graph.ros2.quality import PROFILES, read_choice
 from rosbridge_sim.graph.ros2.ros2_names import is_name
 from rosbridge_sim.link.urls import DEFAULT_PORT, check_url
 
-__all__ = [
-    "FILE",
-    "FOLDERS",
-    "FOLDER_TYPE",
-    "FRAMES",
-    "HOSTS",
-    "NAMESPACE",
-    "ORIGINS",
-    "PATTERNS",
-    "QUALITIES",
-    "RATES",
-    "SECRET",
-    "SWITCH",
-    "URLS",
-    "ValueType",
-    "choice_of",
-    "factor",
-    "item_choices",
-    "metres",
-    "or_none",
-    "period",
-    "seconds",
-    "shares",
-    "show_size",
-    "size",
-    "text_of",
-    "whole_number",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class ValueType:

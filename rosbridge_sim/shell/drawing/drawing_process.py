@@ -28,8 +28,6 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sighting, draw
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
-__all__ = ["DrawingError", "DrawingProcess", "main"]
-
 LIBRARIES: Final = {"pictures": ("cameras", "moderngl", "simplejpeg"), "rays": ("lidars", "embreex")}
 """Field of `Makers` -> the sensors that need it, and libraries of the extra `sensors`."""
 

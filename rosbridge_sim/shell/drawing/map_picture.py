@@ -26,8 +26,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["draw_map", "draw_thumbnail"]
-
 SIZE: Final = 2000
 """Length of the longer side [pixels]."""
 

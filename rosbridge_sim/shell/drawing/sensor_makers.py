@@ -12,8 +12,6 @@ from rosbridge_sim.shell.rendering.jpeg import encode_jpeg
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.simulator.sensors.drawing import Makers
 
-__all__ = ["make_makers"]
-
 
 def make_makers() -> Makers:
     """Return what draws; call it in the thread that will use it."""

@@ -19,8 +19,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.drawing.drawing_process import DrawingProcess
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Sighting
 
-__all__ = ["Drawer", "SensorThread"]
-
 LAST_MOMENT: Final = 1.0
 """Longest wait for the thread at the end [s]; the process that it waits for is gone by then."""
 

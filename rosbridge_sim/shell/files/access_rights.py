@@ -11,8 +11,6 @@ import os
 import stat
 from pathlib import Path
 
-__all__ = ["find_existing", "is_writable", "why_not_writable"]
-
 
 def find_existing(folder: Path) -> Path:
     """Return the folder itself, or its nearest parent that exists.

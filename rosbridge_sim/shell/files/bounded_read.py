@@ -8,8 +8,6 @@ from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["read_bounded"]
-
 _FIRST_READ = 2**15
 """Size of the first read [bytes]: a first read of `max_bytes` would allocate that much for each of many small files."""
 

@@ -28,8 +28,6 @@ from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
 
-__all__ = ["COLUMNS", "read_catalogue"]
-
 COLUMNS: Final = (
     *("DataID", "name", "class", "length", "width", "height"),
     *("wheelbase", "rear_overhang", "max_steer", "mass"),

@@ -12,8 +12,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.schema.definitions.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 
-__all__ = ["Texts", "read_definitions"]
-
 _log = logging.getLogger("rosbridge_sim.storage")
 
 Texts = dict[tuple[str, str, str], str]

@@ -14,8 +14,6 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-__all__ = ["DocumentCache"]
-
 MAX_DOCUMENTS: Final = 64
 """Largest number of documents. A training run repeats some dozen scenarios on a few maps; further ones are read again.
 """

@@ -7,8 +7,6 @@ import re
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["MAX_NAME", "is_file_name", "is_plain_name", "safe_parts"]
-
 MAX_NAME = 200
 """Longest name of a scenario [characters]."""
 

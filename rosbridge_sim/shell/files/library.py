@@ -24,8 +24,6 @@ from rosbridge_sim.shell.files.document_cache import DocumentCache
 from rosbridge_sim.shell.files.file_names import is_file_name, safe_parts
 from rosbridge_sim.shell.files.other_formats import LOOKED_AT, MAP_IS, SCENARIO_IS, find_other_format
 
-__all__ = ["DiskLibrary", "map_names", "read_folder", "refuse_map_file"]
-
 _log = logging.getLogger("rosbridge_sim.storage")
 
 DATA = Path(__file__).resolve().parents[2] / "data"

@@ -11,8 +11,6 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 
-__all__ = ["MessageTypes", "read_types"]
-
 
 def read_types(settings: Settings) -> tuple[Texts, Store]:
     """Return all definitions, and the types that are compiled from them when they are needed.

@@ -13,8 +13,6 @@ from rosbridge_sim.shell.config.settings_file import read_network
 from rosbridge_sim.shell.files.file_names import safe_parts
 from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 
-__all__ = ["DiskNetworks"]
-
 NETWORK_FOLDER = "Network"
 """Folder for network settings within the data folder, with MORAI's name."""
 

@@ -8,8 +8,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.simulator.sensors.sensor_noise import MAX_NOISE_BYTES, TYPICAL, SensorNoise, read_noise
 
-__all__ = ["read_sensor_noise"]
-
 
 def read_sensor_noise(choice: str) -> SensorNoise | None:
     """Return the errors of the sensors; None for none.

@@ -11,8 +11,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-__all__ = ["LOOKED_AT", "MAP_IS", "SCENARIO_IS", "find_other_format", "find_other_formats"]
-
 SCENARIO_IS: Final = "expected a scenario of MORAI SIM in JSON, as in rosbridge-sim docs reference/scenarios"
 """Formats that are read, as the end of an error text."""
 

@@ -13,8 +13,6 @@ from pathlib import Path
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.access_rights import why_not_writable
 
-__all__ = ["PortFile"]
-
 
 class PortFile:
     """A file with the number of a port and a line end."""

@@ -22,8 +22,6 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["Aside", "DataQuota", "Usage", "in_thread"]
-
 FILES_AT_ONCE: Final = 1_000
 """Files that are counted at the start without a thread: two milliseconds on a local disk."""
 

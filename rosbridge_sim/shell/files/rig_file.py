@@ -13,8 +13,6 @@ from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, PR
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["read_sensors"]
-
 _log = logging.getLogger("rosbridge_sim.app")
 
 

@@ -17,8 +17,6 @@ from rosbridge_sim.shell.files.access_rights import why_not_writable
 from rosbridge_sim.shell.files.file_names import MAX_NAME, is_plain_name
 from rosbridge_sim.shell.files.quota import DataQuota
 
-__all__ = ["OWN_NAME", "DiskArchive"]
-
 USUAL_FOLDER = "SensorData"
 """Folder for clients that name none."""
 

@@ -22,8 +22,6 @@ from typing import Any, Final, Generic, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["ThreadReader"]
-
 MAX_THREADS: Final = 2
 """Jobs at the same time. A second one lets others load while a network disk hangs. More would only compete for the
 interpreter, which runs one thread at a time, and delay the event loop."""

@@ -28,8 +28,6 @@ else:
         return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
 
 
-__all__ = ["DescriptorWatch"]
-
 CHECK_PERIOD: Final = 1.0
 """Time between two checks [s]; one takes 10 us."""
 

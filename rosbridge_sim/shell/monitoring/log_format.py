@@ -11,8 +11,6 @@ import logging
 from datetime import UTC, datetime
 from typing import Final, Literal
 
-__all__ = ["formatter_of"]
-
 _MAX_SHOWN: Final = 1_000
 """Longest message on stderr [characters]; `log_limits.py` has shortened it already, but escaping may make it ten times
 longer."""

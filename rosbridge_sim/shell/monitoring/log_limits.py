@@ -18,8 +18,6 @@ from typing import Final
 
 from rosbridge_sim.shell.monitoring.masking import Mask, mask_of
 
-__all__ = ["LOGGERS", "LineLimiter"]
-
 LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (

@@ -14,8 +14,6 @@ from typing import Final
 from rosbridge_sim.shell.monitoring import refusal_log
 from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog, escape
 
-__all__ = ["LogPage"]
-
 MAX_WARNINGS: Final = 200
 """Warnings that are kept: as many as refusals."""
 

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from typing import Final
 from urllib.parse import quote
 
-__all__ = ["MIN_MASKED", "Mask", "mask_of"]
-
 MIN_MASKED: Final = 4
 """Shortest token that is masked [characters]. For a shorter one, such as `a`, the gaps in a log would show it."""
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from prometheus_client import CollectorRegistry
     from prometheus_client.metrics_core import Metric
 
-__all__ = ["FRAME_BOUNDS", "FrameHistogram", "Metrics"]
-
 FRAME_BOUNDS: Final = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
 """Upper bounds of the histogram [s]: from an empty scene (0.1 ms) to more than a frame may take in real time (20 ms).
 """

@@ -23,8 +23,6 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.shell.monitoring.masking import Mask, mask_of
 
-__all__ = ["MAX_REFUSAL_TEXT", "Noted", "RefusalLog", "escape"]
-
 REFUSALS_PERIOD: Final = 10.0
 """Time for which refusals of one client and reason share a line [s]: a wrong publish at 50 Hz gives six lines a minute.
 """

@@ -32,8 +32,6 @@ from rosbridge_sim.shell.monitoring.topic_report import TopicReport
 from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.server import Server
 
-__all__ = ["TOPICS", "WHO_IS_CONNECTED", "ServerTopics"]
-
 TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout", "/sim/refusals", "/sim/topics")
 """Names of all these topics."""
 

@@ -15,8 +15,6 @@ from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["MAX_TOPICS", "TopicReport"]
-
 MAX_TOPICS: Final = 500
 """Topics of one message: it takes some 5 ms and 100 kB then."""
 

@@ -8,8 +8,6 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 
-__all__ = ["FOLDERS", "DocPage", "find_doc_pages", "find_docs_folder"]
-
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
 
 FOLDERS: Final = (_PACKAGE / "docs", _PACKAGE.parent / "docs")

@@ -19,8 +19,6 @@ from rosbridge_sim.shell.page.doc_files import DocPage, find_doc_pages, find_doc
 from rosbridge_sim.shell.page.made_once import MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 
-__all__ = ["DOCS_PATH", "DocSite"]
-
 DOCS_PATH: Final = "/docs/"
 """Path of the list of all pages; the page `guides/ci` is at `/docs/guides/ci`."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.version import __version__
 
-__all__ = ["MAX_TEXT", "MapPage", "MapText"]
-
 MAX_TEXT: Final = 64 * 2**20
 """Longest text [bytes]: a million points. The socket of each program that reads it slowly holds a copy."""
 

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Final
 if TYPE_CHECKING:
     from markdown_it.token import Token
 
-__all__ = ["render_markdown"]
-
 _API_BLOCK: Final = re.compile(r"^::: ([\w.]+)\n(?:    .*\n?)*", re.MULTILINE)
 """A place where the built site has the documentation of a Python name."""
 

@@ -14,8 +14,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-__all__ = ["JoinError", "join_modules"]
-
 
 class JoinError(ValueError):
     """A module has a form that cannot be joined; the text names file and line, and says what is expected."""

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from contextlib import suppress
 from ipaddress import ip_address
 
-__all__ = ["has_desktop", "open_browser", "page_urls"]
-
 _log = logging.getLogger("rosbridge_sim.page")
 
 _FAR_ADDRESSES = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}

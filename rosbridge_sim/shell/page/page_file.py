@@ -6,9 +6,6 @@ import hashlib
 
 from rosbridge_sim.records import Record
 
-__all__ = ["PageFile", "make_page_file"]
-
-
 LEVEL = 6
 """Of the compression: the usual one; the highest takes twice the time for half a per cent less."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.schema.typescript import declare_package
 from rosbridge_sim.shell.page.made_once import MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 
-__all__ = ["TYPES_PATH", "TypeFiles"]
-
 TYPES_PATH: Final = "/types/"
 """Folder of the files, and the path of the list of all."""
 

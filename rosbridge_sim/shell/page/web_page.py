@@ -17,8 +17,6 @@ from rosbridge_sim.shell.page.made_once import MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 from rosbridge_sim.shell.page.type_files import TYPES_PATH, TypeFiles
 
-__all__ = ["PATHS", "WebPage", "page_files", "page_source"]
-
 _FOLDER: Final = files("rosbridge_sim") / "page"
 
 PATHS: Final = {

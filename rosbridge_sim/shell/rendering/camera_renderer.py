@@ -29,8 +29,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 if TYPE_CHECKING:
     import moderngl
 
-__all__ = ["CameraRenderer"]
-
 NEAR, FAR = 0.1, 3_000.0
 """Depths that are drawn [m]."""
 

@@ -9,8 +9,6 @@ from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError,
 if TYPE_CHECKING:
     import moderngl
 
-__all__ = ["open_context"]
-
 
 def open_context() -> moderngl.Context:
     """Return a context of OpenGL 3.3, which belongs to this thread.

@@ -18,8 +18,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 if TYPE_CHECKING:
     import moderngl
 
-__all__ = ["REACH", "CellMesh", "MovingBuffer", "pack_vertices", "planes_of"]
-
 CELL: Final = 60.0
 """Side of a cell [m]."""
 

@@ -7,8 +7,6 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.shell.rendering.unavailable import missing_library
 
-__all__ = ["encode_jpeg"]
-
 
 def encode_jpeg(rgb: NDArray[np.uint8], quality: int = 90) -> bytes:
     """Return a picture as JPEG, without subsampling of the colours, so that thin painted lines keep theirs.

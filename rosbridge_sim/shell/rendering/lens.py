@@ -13,8 +13,6 @@ from rosbridge_sim.scenery.camera_geometry import MAX_FOV, MAX_PIXELS, CameraMod
 from rosbridge_sim.scenery.pictures import Picture
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["Lens", "PlaneView"]
-
 MAX_GROWTH: Final = 2.0
 """The plane picture has so many times the side of the bent one at most; what lies beyond is black."""
 

@@ -24,9 +24,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 if TYPE_CHECKING:
     from types import ModuleType
 
-__all__ = ["RayCaster"]
-
-
 SAME_PLACE: Final = 25.0
 """Lidars in a square of this side share the triangles of what moves [m]."""
 

@@ -5,21 +5,6 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import Final
 
-__all__ = [
-    "ASPHALT_FADES",
-    "CLASS_FRAGMENT",
-    "CLASS_VERTEX",
-    "GRASS_FADES",
-    "MAX_BEAMS",
-    "SCENE_VERTEX",
-    "SHADOW_FRAGMENT",
-    "SHADOW_VERTEX",
-    "SKY_FRAGMENT",
-    "SKY_VERTEX",
-    "Coat",
-    "scene_fragment",
-]
-
 MAX_BEAMS: Final = 6
 """Vehicles whose head lamps light the road in a picture."""
 

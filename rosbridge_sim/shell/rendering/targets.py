@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import moderngl
 
-__all__ = ["Targets"]
-
 
 class Targets:
     """Memory of the graphics library for the parts of a picture.

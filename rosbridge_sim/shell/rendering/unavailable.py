@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = ["RenderingUnavailableError", "missing_library"]
-
 
 class RenderingUnavailableError(RuntimeError):
     """A library that sensors need is missing or cannot be used; the text says what to install."""

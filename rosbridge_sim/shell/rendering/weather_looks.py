@@ -7,8 +7,6 @@ from typing import Final
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.pictures import Weather
 
-__all__ = ["LOOKS", "WeatherLook"]
-
 Rgb = tuple[float, float, float]
 
 

@@ -22,17 +22,6 @@ from rosbridge_sim.graph.ros2.ros2_names import dds_type
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros2.loopback import close_to_network
 
-__all__ = [
-    "FITTING",
-    "DdsDomain",
-    "DdsEndpoint",
-    "DdsReader",
-    "DdsTypes",
-    "DdsWriter",
-    "check_library",
-    "quiet_library",
-]
-
 FITTING: Final = "11.0.1"
 """The version that this module supports, as in `pyproject.toml`."""
 

@@ -17,8 +17,6 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.shell.ros2.ros2_node import Ros2Choices, Ros2Node
 
-__all__ = ["JoinedRos2", "join_ros2"]
-
 _log = logging.getLogger("rosbridge_sim.ros2")
 
 

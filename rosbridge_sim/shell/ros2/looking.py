@@ -17,8 +17,6 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, check_library
 from rosbridge_sim.shell.ros2.ros2_node import NAME_PATIENCE, NAMES, NODE_NAME, SOLE, config_of
 
-__all__ = ["look_at_domain"]
-
 SETTLING: Final = 1.0
 """Least time for all endpoints to be known after the server was found [s]."""
 

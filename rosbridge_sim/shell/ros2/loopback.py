@@ -12,8 +12,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-__all__ = ["close_to_network"]
-
 _log = logging.getLogger("rosbridge_sim.ros2")
 
 LOOPBACK: Final = "lo"

@@ -28,8 +28,6 @@ from rosbridge_sim.graph.ros2.ros2_names import dds_topic, guid_text, topic_of
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
 
-__all__ = ["NAMES", "NAME_PATIENCE", "NODE_NAME", "SOLE", "Ros2Choices", "Ros2Node", "config_of"]
-
 NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
 

@@ -18,8 +18,6 @@ from websockets.extensions.permessage_deflate import ServerPerMessageDeflateFact
 from websockets.frames import Frame, Opcode
 from websockets.typing import ExtensionParameter
 
-__all__ = ["Deflated", "DeflatedText", "LateDeflate", "LateDeflateFactory", "inflate"]
-
 _SLICE = 256 * 1024
 """Bytes decompressed in one slice: less than a millisecond."""
 

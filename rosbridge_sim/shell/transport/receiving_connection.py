@@ -19,8 +19,6 @@ from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.transport.request_faults import TOO_LONG, find_fault, find_first_fault
 
-__all__ = ["Receiver", "ReceivingConnection"]
-
 MAX_EARLY = 16 * 2**10
 """Received bytes that may wait before the other side is trusted, and the longest HTTP request, as in Node.js."""
 

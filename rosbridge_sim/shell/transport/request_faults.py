@@ -14,8 +14,6 @@ from io import BytesIO
 from websockets.exceptions import SecurityError
 from websockets.http11 import Request
 
-__all__ = ["TOO_LONG", "find_fault", "find_first_fault"]
-
 _REQUEST_LINE = re.compile(rb"[-!#$%&'*+.^_`|~0-9A-Za-z]+ [^ \r\n]+ HTTP/1\.[01]\r\n")
 """Form of a request line (RFC 9112 section 3), with characters beyond ASCII in its path."""
 

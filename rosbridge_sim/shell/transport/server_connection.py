@@ -30,8 +30,6 @@ from rosbridge_sim.shell.transport.inflate import Deflated, DeflatedText
 from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY, Receiver, ReceivingConnection
 from rosbridge_sim.shell.transport.text_check import TextCheck
 
-__all__ = ["DirectConnection"]
-
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport stops reading."""
 

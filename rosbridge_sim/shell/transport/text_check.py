@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from codecs import utf_8_decode
 
-__all__ = ["SLICE", "TextCheck"]
-
 SLICE = 64 * 1024
 """Bytes checked in one slice: 70 us for text beyond ASCII."""
 

@@ -15,8 +15,6 @@ from hashlib import sha1
 from websockets.datastructures import Headers
 from websockets.http11 import Request
 
-__all__ = ["answer_to", "read_upgrade"]
-
 MAX_HEAD = 8 * 2**10
 """Longest request that is read here [bytes]; for the library, it is the longest line of one."""
 

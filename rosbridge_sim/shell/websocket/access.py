@@ -25,8 +25,6 @@ from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.websocket.origins import OriginRules
 
-__all__ = ["Access", "HandshakeRefusal", "RateGate", "TokenBucket", "is_from_autobahn", "load_certificate"]
-
 LEAST_BURST = 100
 """Frames that may always come at once: a program with many topics sends so many when it connects."""
 

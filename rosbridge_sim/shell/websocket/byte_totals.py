@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 from rosbridge_sim.shell.websocket.connected_client import Client
 
-__all__ = ["ByteTotals"]
-
 
 @dataclass(slots=True)
 class ByteTotals:

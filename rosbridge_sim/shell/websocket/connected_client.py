@@ -32,8 +32,6 @@ from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.turns import Turns
 
-__all__ = ["Client", "ClientWatch"]
-
 _log = logging.getLogger("rosbridge_sim.server")
 
 MAX_REASON = 120

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Protocol
 
-__all__ = ["ConnectionPlaces", "Evictable"]
-
 
 class Evictable(Protocol):
     """An owner of a place."""

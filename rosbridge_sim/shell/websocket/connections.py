@@ -16,14 +16,6 @@ from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
 from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
 
-__all__ = [
-    "CROWDED",
-    "ConnectionTables",
-    "ServedConnection",
-    "address_of",
-    "make_connection",
-]
-
 _log = logging.getLogger("rosbridge_sim.server")
 
 _SILENT = "it had not sent its request when too many other connections came"

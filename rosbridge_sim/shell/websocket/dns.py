@@ -12,8 +12,6 @@ import socket
 import threading
 from contextlib import suppress
 
-__all__ = ["HostLookup"]
-
 
 class HostLookup:
     """Resolves one host name, any number of times; requests at the same time share one answer."""

@@ -16,26 +16,6 @@ from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.page.page_file import PageFile
 from rosbridge_sim.version import __version__
 
-__all__ = [
-    "JSON_KIND",
-    "accepts",
-    "answer_file",
-    "answer_late",
-    "answer_map",
-    "answer_moved",
-    "answer_version",
-    "answer_with",
-    "asks_for_websocket",
-    "is_known",
-    "is_upgrade",
-    "links_of",
-    "method_of",
-    "not_allowed",
-    "read_target",
-    "settle_upgrade",
-    "speaks_another_version",
-]
-
 JSON_KIND = "application/json"
 
 PROTOCOL = "rosbridge v2.0"

@@ -7,8 +7,6 @@ from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.records import Record, field
 from rosbridge_sim.shell.websocket.access import Access
 
-__all__ = ["CLOSE_TIMEOUT", "MAX_OPENING", "ServerLimits"]
-
 CLOSE_TIMEOUT = 1.0
 """Time for a client to receive the close frame [s]; a client that does not read is cut off then."""
 

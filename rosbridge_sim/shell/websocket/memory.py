@@ -13,8 +13,6 @@ from collections.abc import Callable
 from pathlib import Path
 from threading import Thread
 
-__all__ = ["LARGE_FRAME", "MemoryReturn", "keep_memory", "resident_bytes", "trim_memory"]
-
 LARGE_FRAME = 2**20
 """A frame of at least this size leaves enough free memory to be worth giving back [bytes]."""
 

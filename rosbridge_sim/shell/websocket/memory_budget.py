@@ -17,8 +17,6 @@ from typing import Protocol
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of
 
-__all__ = ["Holder", "HttpReader", "MemoryBudget", "default_budget"]
-
 BUDGET_PERIOD = 0.5
 """Time between two checks [s]: a server receives about 100 MB in this time."""
 

@@ -37,8 +37,6 @@ from shlex import quote
 
 from rosbridge_sim.records import Record
 
-__all__ = ["MAX_REFUSED_ORIGINS", "OriginRules", "RefusedOrigins", "own_names"]
-
 MAX_REFUSED_ORIGINS = 100
 """Refused origins that each get a warning. A website with its own DNS server can have any number of origins."""
 

@@ -77,8 +77,6 @@ from rosbridge_sim.shell.websocket.turns import Turns
 from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
 from rosbridge_sim.version import __version__
 
-__all__ = ["STOPPING", "Server"]
-
 _log = logging.getLogger("rosbridge_sim.server")
 
 STOPPING = "the server is shutting down"

@@ -21,8 +21,6 @@ from typing import cast
 
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 
-__all__ = ["TlsHandshake", "TlsRules"]
-
 _log = logging.getLogger("rosbridge_sim.server")
 
 _PLAIN = "HTTP_REQUEST"

@@ -15,8 +15,6 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import Protocol
 
-__all__ = ["Turns", "Worker"]
-
 TURN_TIME = 0.002
 """Longest turn of one client, before others have theirs [s]: about 150 small messages."""
 

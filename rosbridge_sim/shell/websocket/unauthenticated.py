@@ -22,15 +22,6 @@ from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.access import Access, is_from_autobahn
 from rosbridge_sim.shell.websocket.turns import Turns
 
-__all__ = [
-    "MAX_REFUSED",
-    "MAX_TRIES",
-    "MAX_UNPROVEN_SIZE",
-    "NO_TOKEN",
-    "WRONG_TOKEN",
-    "UnauthenticatedConnection",
-]
-
 MAX_UNPROVEN_SIZE = 16 * 1024
 """Longest message [bytes]; a longer one closes the connection with code 1009 before its content is stored."""
 

@@ -10,8 +10,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.plain_values import without_unknown
 
-__all__ = ["GuestPublisher"]
-
 _log = logging.getLogger("rosbridge_sim.bus")
 
 

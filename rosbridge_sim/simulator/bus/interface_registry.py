@@ -26,8 +26,6 @@ from rosbridge_sim.simulator.bus.network_settings import (
 )
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["Interface", "InterfaceRegistry", "ListedInterface", "why_no_topic"]
-
 MAX_MISTAKES: Final = 20
 """Largest number of mistakes in the settings that are reported at the start, one a line: a screen of a terminal."""
 

@@ -14,8 +14,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.simulator.bus.network_settings import MAX_RATE, InterfaceKind, NetworkSettings, read_choices
 
-__all__ = ["is_morai_network", "read_morai_network"]
-
 _TOP: Final = "egoNetworkData"
 _ITEMS: Final = "listEgoNetworkInfo"
 

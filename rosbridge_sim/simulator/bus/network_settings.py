@@ -26,19 +26,6 @@ from rosbridge_sim.graph.participant import resolve
 from rosbridge_sim.records import replace
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "MAX_RATE",
-    "USUAL_RATE",
-    "InterfaceChoice",
-    "InterfaceKind",
-    "NetworkSettings",
-    "Networks",
-    "Place",
-    "path_text",
-    "read_choices",
-    "split_prefix",
-]
-
 MAX_RATE: Final = 120.0
 """Highest rate of a publisher that MORAI allows [Hz]."""
 

@@ -15,8 +15,6 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import Interface, why_no_topic
 from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE, InterfaceKind, split_prefix
 
-__all__ = ["LatchedPublisher", "PeriodicPublisher"]
-
 _FRAME_RATE: Final = 50
 """Frames of a second of simulated time."""
 
@@ -59,6 +57,7 @@ class TopicPublisher(Interface):
         self._depth = depth
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        """Advertise the topic."""
         self.topic = bus.advertise(
             owner,
             name,
@@ -69,6 +68,7 @@ class TopicPublisher(Interface):
         )
 
     def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:
+        """Unadvertise the topic, and forget its last message if the participant stays."""
         assert self.topic is not None
         bus.unadvertise(owner, self.topic.name, now)
         if not is_gone:  # a late subscriber must not get the last message of a topic that was renamed
@@ -76,6 +76,7 @@ class TopicPublisher(Interface):
         self.topic = None
 
     def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
+        """Return why the topic cannot be advertised; None if it can."""
         topic = bus.find_topic(name)
         if topic is None:
             return None

@@ -43,8 +43,6 @@ from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["MAX_WALL_RATE", "Publishers"]
-
 MAX_WALL_RATE: Final = 120
 """Messages of a topic in a second of wall time at most: more than a screen shows, and the highest rate in settings."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 from typing import Final
 
-__all__ = ["SIMULATOR_NAME", "SimulatorParticipant"]
-
 SIMULATOR_NAME: Final = "/morai_sim"
 
 _log = logging.getLogger("rosbridge_sim.morai")

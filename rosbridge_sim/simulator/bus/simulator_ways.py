@@ -22,8 +22,6 @@ from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings, split_prefix
 
-__all__ = ["SimulatorWays"]
-
 
 def _publishing(*names: str) -> tuple[Way, ...]:
     return tuple(Way(Use.PUBLISH, name) for name in names)

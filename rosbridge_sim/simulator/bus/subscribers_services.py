@@ -17,8 +17,6 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import Interface, InterfaceRegistry, why_no_topic
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 
-__all__ = ["SubscribersServices", "Take"]
-
 Take = Callable[[Any, Participant, float], None]
 """`(message's struct, sender, now)`; if it raises a PeerError, the sender gets a status."""
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Participant, explain
 
-__all__ = ["WarnOnce"]
-
 
 class WarnOnce:
     """Record of the texts, or subjects, that each participant has been warned with."""

@@ -8,8 +8,6 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 
-__all__ = ["WorldFailure"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 

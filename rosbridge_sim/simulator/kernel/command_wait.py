@@ -23,8 +23,6 @@ from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 
-__all__ = ["CommandWait"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 

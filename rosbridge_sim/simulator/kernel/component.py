@@ -13,8 +13,6 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 
-__all__ = ["Component"]
-
 
 class Component:
     """One subject of the simulator. A method that a component does not override adds nothing."""

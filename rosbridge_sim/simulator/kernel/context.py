@@ -36,8 +36,6 @@ from rosbridge_sim.simulator.sync.barrier import Barrier
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["SimulatorContext"]
-
 
 class SimulatorContext(Record, eq=False):
     """Objects that the components share.

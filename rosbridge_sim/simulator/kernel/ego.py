@@ -26,9 +26,6 @@ from rosbridge_sim.world.state import commands, placement
 from rosbridge_sim.world.state.world import Gear, Mode, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = ["CtrlMode", "Ego", "EgoState"]
-
-
 GHOST_JUMP: Final = 10.0
 """A ghost that is placed further from its last place has jumped [m]: no car goes so far between two commands."""
 

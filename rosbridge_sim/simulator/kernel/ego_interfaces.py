@@ -12,8 +12,6 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 
-__all__ = ["EgoInterfaces", "ego_prefix"]
-
 MAX_GONE: Final = 1_000
 """Largest number of remembered services of removed egos, because a client may add egos under ever new numbers."""
 

@@ -8,8 +8,6 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.world.followers.lamps import BRAKE, BRAKE_LIGHT_DECEL, LEFT, REVERSE, RIGHT
 from rosbridge_sim.world.state.world import Gear, World
 
-__all__ = ["lamps_of"]
-
 _RIGHT_SIGNAL: Final = 2
 """`turn_signal` of an ego that signals to the right."""
 

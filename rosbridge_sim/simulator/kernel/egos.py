@@ -12,8 +12,6 @@ from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["FIRST_NUMBER", "EgoRegistry"]
-
 FIRST_NUMBER: Final = -1
 """Another number of the first ego, sent by clients that know of only one ego."""
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-__all__ = ["FrameGate"]
-
 
 class FrameGate:
     """A gate that may be closed several times; it is open when each closing has been undone.

@@ -20,8 +20,6 @@ from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["FrameMeter", "FrameStepper", "Step"]
-
 Step = Callable[[World, Callable[[], None] | None], None]
 """Moves a world by one frame, in place, and calls the second argument within the step; see `world.step`."""
 

@@ -14,8 +14,6 @@ from rosbridge_sim.records import Record, field
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
 
-__all__ = ["Hooks", "Moment"]
-
 F = TypeVar("F", bound=Callable[..., object])
 
 

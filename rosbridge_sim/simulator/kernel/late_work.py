@@ -16,8 +16,6 @@ from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.participant import Notify, Participant, notifier
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
 
-__all__ = ["LateWork"]
-
 MAX_WAITING: Final = 8
 """Works that wait at most, because each holds a message of up to 20 MB. Further ones are done at once, each in the turn
 of its client."""

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
-__all__ = ["Origin", "move_origin", "seen_from"]
-
 Origin: TypeAlias = tuple[float, float, float, float]
 
 

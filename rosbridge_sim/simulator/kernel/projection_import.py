@@ -16,8 +16,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
 
-__all__ = ["ProjectionImport"]
-
 _TYPES: Final = ("morai_msgs/GPSMessage", "sensor_msgs/NavSatFix")
 """Types of the simulator's topics with latitudes and longitudes."""
 

@@ -14,8 +14,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.sync.barrier_table import BarrierState
 from rosbridge_sim.simulator.sync.sync_table import SyncState
 
-__all__ = ["MAX_FRAMES_AT_ONCE", "RealTime", "set_real_time_factor"]
-
 TURN_TIME: Final = 0.003
 """Longest time for which one `advance` computes frames, before clients have their turns [s]; a frame is finished."""
 

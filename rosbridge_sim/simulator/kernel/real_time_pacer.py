@@ -16,15 +16,6 @@ from typing import Final
 from rosbridge_sim.simulator.bus.publishers import MAX_WALL_RATE
 from rosbridge_sim.world.state.world import DT
 
-__all__ = [
-    "MAX_FACTOR",
-    "MIN_FACTOR",
-    "STALL",
-    "RealTimePacer",
-    "ShowLimit",
-    "why_no_factor",
-]
-
 MIN_FACTOR: Final = 0.1
 MAX_FACTOR: Final = 20.0
 """Least and greatest real-time factor: from five frames a second, which a person can follow one by one, to a thousand,

@@ -30,8 +30,6 @@ from rosbridge_sim.simulator.scene.scene_commands import SceneCommand, moves
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES
 from rosbridge_sim.simulator.sync.sync import Sync
 
-__all__ = ["SceneChanges"]
-
 
 @dataclass(eq=False, kw_only=True, slots=True)
 class SceneChanges:

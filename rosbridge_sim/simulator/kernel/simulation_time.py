@@ -14,8 +14,6 @@ from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.world.state.world import STEP_NS, World
 
-__all__ = ["SimulationTime"]
-
 
 class SimulationTime:
     """Stamps of the bus and of the simulator's messages, and the topic `/clock`."""

@@ -37,8 +37,6 @@ from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.simulator.sync.sync_table import PAUSED, SyncOutcome, SyncState
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["SyncDriver"]
-
 TURN_TIME: Final = 0.003
 """Longest turn of the ticks that wait, before clients have theirs [s]; a frame that has begun is finished. With a round
 of clients (`ROUND_TIME` of the server, 4 ms) that is less than the 10 ms that a client may have to wait."""

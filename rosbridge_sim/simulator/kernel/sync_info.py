@@ -10,8 +10,6 @@ from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.simulator.sync.sync_table import ON
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["SyncInfo"]
-
 
 class SyncInfo:
     """Publisher of `/SyncModeInfo`, latched: it is updated even without subscribers."""

@@ -39,22 +39,6 @@ from rosbridge_sim.world.geometry.planar import Quaternion, Vector, quaternion
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = [
-    "BASE",
-    "CENTER",
-    "MAP",
-    "ODOM",
-    "TF",
-    "WHEEL_FRAMES",
-    "Mount",
-    "StaticTf",
-    "TfFrames",
-    "TfPublisher",
-    "Wheel",
-    "frame_prefix",
-    "pose_of_base",
-]
-
 TF: Final = "tf2_msgs/TFMessage"
 
 MAP: Final = "map"

@@ -7,8 +7,6 @@ from typing import NamedTuple, Protocol
 
 from rosbridge_sim.errors import Reason
 
-__all__ = ["ModeResult", "OnTick", "OneTick", "TickResult", "WaitingCall", "WaitingTicks"]
-
 
 class ModeResult(NamedTuple):
     """Answer to a request about the mode.

@@ -24,8 +24,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Light, SignalPlan
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["MAX_LINE_POINTS", "PAGE_POINTS", "MapDrawing"]
-
 PAGE_POINTS: Final = 5_000
 """Points of lines in a page, five numbers each: about 200 kB of JSON, made and written in some 5 ms.
 

@@ -18,8 +18,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Light
 
-__all__ = ["MAX_MAP_POINTS", "lamp_height", "make_map_markers"]
-
 MAX_MAP_POINTS: Final = 60_000
 """Points of all markers together: some 2.5 MB of JSON, which every rosbridge accepts in one message (10 MB)."""
 

@@ -17,8 +17,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, Quaternion, Vector
 from rosbridge_sim.world.roads.signal_plan import GREENS, Lamp
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["COLOURS", "KIND_LOOKS", "LAMPS", "MARKER_ARRAY", "Colour", "MarkerMaker", "MarkerShape"]
-
 MARKER_ARRAY: Final = "visualization_msgs/MarkerArray"
 
 Colour = tuple[float, float, float, float]

@@ -32,8 +32,6 @@ from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import IntArray, Vector, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["SCENE_MAP", "SCENE_OBJECTS", "SceneMarkers"]
-
 SCENE_MAP: Final = "/sim/scene/map"
 SCENE_OBJECTS: Final = "/sim/scene/objects"
 

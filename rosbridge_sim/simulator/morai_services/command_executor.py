@@ -22,8 +22,6 @@ from rosbridge_sim.simulator.scene.scene_commands import (
 )
 from rosbridge_sim.simulator.sensor_services.sensor_commands import Sensors
 
-__all__ = ["CommandExecutor"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 

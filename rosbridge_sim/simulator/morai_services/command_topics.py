@@ -43,8 +43,6 @@ from rosbridge_sim.simulator.scene.scene_limits import MAX_EGOS, MAX_ENTITIES
 from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import Gear
 
-__all__ = ["CommandTopics"]
-
 MANY_GHOSTS: Final = 2_000
 """More vehicles in one message are placed in turns of their own: to decode 2,000 takes a millisecond, to read them
 another one, and to place them three."""

@@ -15,8 +15,6 @@ from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 from rosbridge_sim.world.state.world import Mode
 
-__all__ = ["warn_of_units"]
-
 MOST_STEERING: Final = 0.5 * math.pi
 """No front wheel turns farther [rad], so a greater number has another unit. Vehicles' limits are near 0.6 rad."""
 

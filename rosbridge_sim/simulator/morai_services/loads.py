@@ -36,8 +36,6 @@ from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load, LoadOpti
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneCommand
 
-__all__ = ["Loads"]
-
 _WAS_RESET = "the simulation was reset or restored before the scenario was read; load it again"
 _FAILED = "the server failed to load the scenario; see the server's log"
 

@@ -8,8 +8,6 @@ from rosbridge_sim.graph.participant import Notify
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 
-__all__ = ["complain", "request_of", "respond"]
-
 
 def request_of(call: Call) -> Struct:
     """Return the message inside a request; every MORAI service wraps one message.

@@ -44,8 +44,6 @@ from rosbridge_sim.simulator.scene.scene_commands import (
 from rosbridge_sim.simulator.sync.sync_table import SyncOutcome
 from rosbridge_sim.world.state.world import MAX_COORDINATE, Gear
 
-__all__ = ["Services"]
-
 # EventInfo.option. The message's own comment writes the bits as 0x1, 0x10, 0x100, 0x1000, but means binary digits. Read
 # literally, 0x10 fits into the field too and has no other meaning, so it is accepted for the gear.
 _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8

@@ -12,8 +12,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.world.contacts import collisions
 
-__all__ = ["StatePublishers"]
-
 MAX_CRASHES: Final = 1_000
 """Largest number of vehicle pairs in one VehicleCollisionData; the message then has 0.5 MB."""
 

@@ -32,8 +32,6 @@ from rosbridge_sim.world.roads.signal_plan import UNSET, Lamp
 from rosbridge_sim.world.roads.signals import Signals, light_ahead
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["TrafficLightTopics"]
-
 STOP_LINE_REACH: Final = 100.0
 """Largest distance from the rear axle to a stop line ahead [m]."""
 

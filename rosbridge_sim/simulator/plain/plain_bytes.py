@@ -25,8 +25,6 @@ import numpy as np
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["PlainData", "decode", "encode"]
-
 PlainData: TypeAlias = Any  # the kinds that the head of this file names; checked while they are encoded
 
 MAX_DEPTH: Final = 32

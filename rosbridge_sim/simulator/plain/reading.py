@@ -11,8 +11,6 @@ from typing import Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["AtOnce", "Reader", "answering", "read_while_held"]
-
 T = TypeVar("T")
 
 

@@ -21,8 +21,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
 
-__all__ = ["OwnBytes", "OwnKey", "SnapshotHead", "pack", "unpack"]
-
 MAGIC: Final = b"\x89RBSIM\r\n"
 VERSION: Final = 3
 CHECKSUM_SIZE: Final = 16

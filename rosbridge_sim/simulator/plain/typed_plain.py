@@ -12,8 +12,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.world.state.entity_types import MAX_COORDINATE
 
-__all__ = ["as_plain", "check_finite", "read_as"]
-
 T = TypeVar("T")
 
 

@@ -22,8 +22,6 @@ from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.simulator.replays.state_machine import REPLAY_TABLE, ReplayEffect, ReplayEvent, ReplayState
 
-__all__ = ["NetworkReplay"]
-
 SILENCE: Final = 50
 """Frames without a message after which an ignored source is heard again: its replay has ended, and the next message
 begins another one. A far bridge never leaves, because many clients behind it appear as one."""

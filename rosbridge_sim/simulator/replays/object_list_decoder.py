@@ -23,8 +23,6 @@ from rosbridge_sim.morai.messages.object_lists import EGO_TYPE
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["LAYOUT", "DecodedObjectLists", "decode_object_lists"]
-
 LAYOUT: Final = frozenset(
     f"morai_msgs/msg/{name}" for name in ("ObjectStatusList", "ReplayInfo", "ObjectStatus")
 ) | frozenset(f"geometry_msgs/msg/{name}" for name in ("Vector3", "Quaternion"))

@@ -11,9 +11,6 @@ from rosbridge_sim.simulator.replays.recorded_drive import MAX_STAMP, RecordedMo
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.world.state.world import STEP_NS, World
 
-__all__ = ["Playback"]
-
-
 MAX_MISSING_TOLD: Final = 10
 """Egos that the world does not have of which the caller is told, a line each."""
 

@@ -31,8 +31,6 @@ from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts
 from rosbridge_sim.world.state.world import Body, Kind, Snapshot, World
 
-__all__ = ["ALL_TARGETS", "EGO", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]
-
 EGO: Final = 1
 VEHICLES: Final = 2
 PEDESTRIANS: Final = 4

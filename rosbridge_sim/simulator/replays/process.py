@@ -20,8 +20,6 @@ from rosbridge_sim.simulator.replays.state_machine import (
     ReplayState,
 )
 
-__all__ = ["ReplayProcess"]
-
 _log = logging.getLogger("rosbridge_sim.replay")
 
 

@@ -22,8 +22,6 @@ from rosbridge_sim.simulator.replays.replay_command import ReplayCommand, Replay
 from rosbridge_sim.simulator.replays.replayed_plans import without_denied_plans
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
-__all__ = ["ProcessService"]
-
 _log = logging.getLogger("rosbridge_sim.replay")
 
 

@@ -14,8 +14,6 @@ from rosbridge_sim.simulator.replays.recorded_drive import MAX_STAMP
 from rosbridge_sim.simulator.replays.replay_command import ReplayResult
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
-__all__ = ["ProcessStatus"]
-
 STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
 
 _SIMULATION_MODE, _REPLAY_MODE = 1, 16

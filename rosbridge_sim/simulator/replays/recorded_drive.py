@@ -21,21 +21,6 @@ from rosbridge_sim.simulator.replays.recorded_plans import RecordedPlan
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_UID, BoolArray, Kind
 
-__all__ = [
-    "EGO_COLUMNS",
-    "MAX_STAMP",
-    "OBJECT_COLUMNS",
-    "Actor",
-    "EgoTrack",
-    "ObjectTrack",
-    "RecordedMoment",
-    "Recording",
-    "actor_from_plain",
-    "actor_to_plain",
-    "from_plain",
-    "to_plain",
-]
-
 EGO_COLUMNS: Final = (
     *("x", "y", "z", "roll", "pitch", "yaw"),
     *("speed", "lateral_speed", "climb", "accel", "lateral_accel", "climb_accel", "yaw_rate"),

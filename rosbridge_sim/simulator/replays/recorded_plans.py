@@ -11,8 +11,6 @@ from typing import Final
 
 from rosbridge_sim.records import Record
 
-__all__ = ["MAX_CLOUD_BYTES", "MAX_PLAN_BYTES", "MAX_PLAN_MESSAGE", "MAX_PLAN_TOPICS", "PLAN_TYPES", "RecordedPlan"]
-
 PLAN_TYPES: Final = frozenset({
     *("nav_msgs/Path", "nav_msgs/Odometry", "geometry_msgs/PoseStamped"),
     *("visualization_msgs/Marker", "visualization_msgs/MarkerArray"),

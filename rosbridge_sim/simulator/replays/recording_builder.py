@@ -32,8 +32,6 @@ from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Kind
 
-__all__ = ["MAX_RECORDED_ENTRIES", "RecordingBuilder", "Recordings", "Then"]
-
 MAX_RECORDED_ENTRIES: Final = 2_000_000
 """Largest number of states of objects, and of each ego, in a recording: 20 objects at 50 Hz for half an hour are 1.8
 million states, and 0.4 GB while they are read."""

@@ -32,8 +32,6 @@ from rosbridge_sim.simulator.replays.replay_status import ReplayStatus
 from rosbridge_sim.simulator.replays.replayed_plans import ReplayedPlans
 from rosbridge_sim.simulator.replays.state_machine import ReplayEvent, ReplayState
 
-__all__ = ["RecordingKey", "Replay"]
-
 
 class RecordingKey(NamedTuple):
     """A bag as snapshots name it.

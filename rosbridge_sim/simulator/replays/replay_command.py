@@ -11,8 +11,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.simulator.replays.state_machine import ReplayEvent
 
-__all__ = ["ReplayCommand", "ReplayResult", "read_command"]
-
 MAX_PLAYBACK_SPEED: Final = 10
 """Largest speed that MORAI's dialog offers."""
 

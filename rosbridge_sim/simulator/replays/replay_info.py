@@ -20,8 +20,6 @@ from rosbridge_sim.simulator.replays.state_machine import ReplayState
 from rosbridge_sim.world.geometry.planar import quaternion
 from rosbridge_sim.world.state.world import Dynamics
 
-__all__ = ["ReplayInfoPublisher"]
-
 REPLAY_INFO: Final = "/ReplayInfo_topic"
 
 MAX_ECHOES: Final = 15_000

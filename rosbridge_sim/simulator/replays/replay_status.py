@@ -12,8 +12,6 @@ from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
-__all__ = ["ReplayStatus"]
-
 REPLAY: Final = "/sim/replay"
 
 RATE: Final = 10.0

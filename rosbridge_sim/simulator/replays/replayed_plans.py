@@ -30,8 +30,6 @@ from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recorded_plans import RecordedPlan
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
-__all__ = ["ReplayedPlans", "without_denied_plans"]
-
 LONGEST_NS: Final = 1_000_000_000
 """A longer way from one position to the next is a jump [ns]: then the last message of each topic is shown alone."""
 

@@ -36,8 +36,6 @@ from typing import Final
 
 from rosbridge_sim.records import Record
 
-__all__ = ["BAG_EVENTS", "REPLAY_TABLE", "SOURCE_EVENTS", "ReplayEffect", "ReplayEvent", "ReplayOutcome", "ReplayState"]
-
 
 class ReplayState(IntEnum):
     """Mover of the world."""

@@ -12,8 +12,6 @@ from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE
 
-__all__ = ["SPEED_WINDOW", "GhostTrails"]
-
 SPEED_WINDOW: Final = 10
 """Frames over which a speed is computed: 0.2 s."""
 

@@ -27,8 +27,6 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state import placement
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["Ghosts"]
-
 _WHOSE: Final = {
     Kind.EGO: "an ego's",
     Kind.VEHICLE: "an ego's, too",

@@ -17,8 +17,6 @@ from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.plain.plain_bytes import encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain
 
-__all__ = ["WHOLE", "FoundMap", "Library", "Load", "LoadOptions", "MapKey", "PackedLoad", "find_map"]
-
 
 class Library(Protocol):
     """Source of scenarios and maps; the shell reads them from the disk.

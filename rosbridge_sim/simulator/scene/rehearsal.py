@@ -29,8 +29,6 @@ from rosbridge_sim.world.roads.routing import KnownRoutes
 from rosbridge_sim.world.state.world import Dynamics, Kind, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["Rehearsal"]
-
 NUM_FRAMES: Final = 5
 """Frames of a rehearsal: drivers and pedestrians decide in every fifth one."""
 

@@ -36,8 +36,6 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import DT, Body, Gear, Kind, Snapshot, World
 
-__all__ = ["DEFAULT_MAP", "Scene", "populate"]
-
 DEFAULT_MAP: Final = "track"
 """The built-in map for scenarios that name none."""
 

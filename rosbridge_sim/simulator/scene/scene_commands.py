@@ -17,17 +17,6 @@ from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 from rosbridge_sim.simulator.scene.load import Load
 from rosbridge_sim.world.state.world import Gear
 
-__all__ = [
-    "AddObject",
-    "ControlEgo",
-    "LoadScenario",
-    "RemoveObject",
-    "SceneAction",
-    "SceneCommand",
-    "ShiftEgo",
-    "moves",
-]
-
 
 class ControlEgo(Record):
     """Apply a control to an ego.

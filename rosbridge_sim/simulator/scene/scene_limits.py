@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-__all__ = ["FIRST_EGO", "FIRST_FREE_EGO", "FIRST_UID", "MAX_EGOS", "MAX_ENTITIES", "MAX_FILE_UID"]
-
 FIRST_EGO: Final = 0
 """Id of the first ego."""
 

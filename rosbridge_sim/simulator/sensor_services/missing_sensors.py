@@ -9,7 +9,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.simulator.sensors.picture_messages import BOXES
 from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETECTIONS_3D
 
-__all__ = ["advise"]
 _PRESETS: Final[Mapping[str, tuple[str, str]]] = {
     "sensor_msgs/CompressedImage": ("camera", "camera"),
     "sensor_msgs/Image": ("camera", "all"),

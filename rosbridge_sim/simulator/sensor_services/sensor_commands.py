@@ -30,8 +30,6 @@ from rosbridge_sim.simulator.sensors.sensor_specs import MAX_LEVER
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, find_boxes
 
-__all__ = ["Sensors", "mountings_of"]
-
 BOX_REACH: Final = 200.0
 """Largest distance of an object in the file of boxes [m], which is the range of good lidars."""
 

@@ -36,8 +36,6 @@ from rosbridge_sim.simulator.sensors.sensor_table import check_rig
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = ["SensorService"]
-
 MAX_CHANGES: Final = 64
 """Sensors in each list of one call: more than an ego has. Each that moves takes 0.1 ms."""
 

@@ -10,8 +10,6 @@ from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
 from rosbridge_sim.simulator.sensors.picture_sensor import Coefficient, PictureSpec
 from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, TopicName
 
-__all__ = ["CameraSpec"]
-
 _COLOURS: Final = 0
 """`cameraType` of colours; no other one was found in files that MORAI has saved."""
 

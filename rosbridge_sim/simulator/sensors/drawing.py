@@ -23,8 +23,6 @@ from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource
 from rosbridge_sim.simulator.sensors.sensor_specs import MountedSpec, SensorSpec
 
-__all__ = ["DrawingJob", "DrawnSpec", "Makers", "SensorWorker", "Sight", "Sighting", "draw", "drawn_of"]
-
 
 class Sighting(Record, eq=False):
     """What a sensor has seen."""

@@ -19,8 +19,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = ["disturb_echoes", "disturb_picture", "disturb_radar"]
-
 GAMMA: Final = 2.2
 """Exponent between grey levels and light, near that of sRGB."""
 

@@ -6,8 +6,6 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Final
 
-__all__ = ["FRAME_RATE", "is_due", "num_due"]
-
 FRAME_RATE: Final = 50.0
 """Frames in a second of simulated time, and so the highest rate of a sensor [Hz]."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 
-__all__ = ["MEASURED_FRAMES", "EgoRig", "MountedSensor", "is_wanted"]
-
 MEASURED_FRAMES: Final = 100
 """Frames over which a rate is measured: two seconds."""
 

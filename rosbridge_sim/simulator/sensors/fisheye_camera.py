@@ -12,8 +12,6 @@ from rosbridge_sim.scenery.camera_geometry import MAX_FISHEYE_FOV, FisheyeModel
 from rosbridge_sim.simulator.sensors.picture_sensor import Coefficient, PictureSpec
 from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, TopicName
 
-__all__ = ["FisheyeSpec"]
-
 _WideFov = Annotated[float, number_spelling(1.0, MAX_FISHEYE_FOV), Meta(ge=1.0, le=MAX_FISHEYE_FOV)]
 
 

@@ -20,8 +20,6 @@ from rosbridge_sim.simulator.sensors.sensor_files import gps_text
 from rosbridge_sim.simulator.sensors.sensor_specs import GPS_FRAME, SensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import locate
 
-__all__ = ["GpsSpec"]
-
 
 class _Maker:
     """What makes the messages of all antennas of a simulator."""

@@ -19,8 +19,6 @@ from rosbridge_sim.simulator.sensors.sensor_noise import covariance
 from rosbridge_sim.simulator.sensors.sensor_specs import IMU_FRAME, SensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import feel
 
-__all__ = ["ImuSpec"]
-
 
 class _Maker:
     """What makes the messages of all inertial units of a simulator."""

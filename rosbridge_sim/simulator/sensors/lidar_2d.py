@@ -21,8 +21,6 @@ from rosbridge_sim.simulator.sensors.lidar_sweep import Beams, beams_2d
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId, Near, Range, TopicName
 
-__all__ = ["Lidar2dSpec", "Scan"]
-
 MAX_SCAN: Final = 4_096
 """Ranges of a LaserScan: they are numbers of a text in JSON, 0.1 us each."""
 

@@ -23,8 +23,6 @@ from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId, Near, Range, TopicName
 
-__all__ = ["Cloud", "Lidar3dSpec"]
-
 MAX_RINGS: Final = 256
 """Rings of one lidar."""
 

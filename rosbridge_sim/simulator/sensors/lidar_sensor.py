@@ -11,8 +11,6 @@ from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Maker
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes
 from rosbridge_sim.simulator.sensors.lidar_sweep import FADING, Beams, Echoes, echoes_of, fade, sweep
 
-__all__ = ["LidarSpec"]
-
 
 class LidarSpec(DrawnSpec, frozen=True, kw_only=True):
     """A lidar of any kind."""

@@ -24,20 +24,6 @@ from rosbridge_sim.scenery.mesh import Label
 from rosbridge_sim.scenery.pictures import Hits, Weather
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = [
-    "FADING",
-    "POINT_TYPE",
-    "Beams",
-    "Echoes",
-    "Motion",
-    "beams_2d",
-    "beams_3d",
-    "echoes_of",
-    "fade",
-    "pack_points",
-    "sweep",
-]
-
 POINT_TYPE: Final = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "ring", "time"],

@@ -10,8 +10,6 @@ from typing import Any, Final
 from rosbridge_sim.documents import Document, KeptAsWritten, Number, Whole
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 
-__all__ = ["Block", "Item", "Reading", "place_of"]
-
 _UDP: Final = 1
 """`commType` of native packets over UDP."""
 

@@ -23,8 +23,6 @@ from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, re
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import KINDS, MAX_SENSORS
 
-__all__ = ["is_morai_file", "read_morai_sensors"]
-
 _ULTRASONIC: Final = "UltrasonicList"
 _LISTS: Final = [*(name for kind in KINDS for name in kind.morai_lists), _ULTRASONIC]
 _Items = Annotated[tuple[Item, ...], Meta(max_length=4 * MAX_SENSORS)]

@@ -50,8 +50,6 @@ from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, check_rig, complete
 from rosbridge_sim.simulator.sensors.weather import WeatherControl
 
-__all__ = ["MountedSensors"]
-
 MAX_CAPTURES: Final = 4
 """Captures that are drawn at once: each has copies of its frame, and pictures of up to 25 MB."""
 

@@ -11,8 +11,6 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes
 from rosbridge_sim.simulator.sensors.vision_messages import optical
 
-__all__ = ["BOXES", "PictureMessages"]
-
 BOXES: Final = "rosbridge_sim_msgs/BoundingBoxes"
 """Type of the boxes of what a camera shows."""
 

@@ -25,8 +25,6 @@ from rosbridge_sim.simulator.sensors.sensor_specs import Cost, Fov, Rate
 from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes, find_visible_boxes
 from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETECTIONS_3D, VisionMessages
 
-__all__ = ["Coefficient", "PictureSpec", "Shot", "model_of"]
-
 MAX_SIDE: Final = 8192
 """Longest side of a picture [pixels]: the least of what OpenGL 4.1 promises is 16,384, with room for antialiasing."""
 

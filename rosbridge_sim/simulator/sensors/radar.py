@@ -13,8 +13,6 @@ from rosbridge_sim.simulator.sensors.radar_echoes import RadarBeams, RadarEchoes
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, Rate, TopicName
 
-__all__ = ["RadarSpec"]
-
 
 class _Maker:
     """What makes the messages of all radars of a simulator."""

@@ -33,8 +33,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, locate
 
-__all__ = ["RadarBeams", "RadarEchoes", "find_echoes", "own_velocity"]
-
 _CLASS: Final = {Kind.EGO: 10.0, Kind.VEHICLE: 10.0, Kind.PEDESTRIAN: -8.0, Kind.OBSTACLE: 0.0}
 _BICYCLE: Final = -3.0
 _LONG: Final = 20.0

@@ -12,8 +12,6 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource, SensorNoise
 
-__all__ = ["SensorContext"]
-
 T = TypeVar("T")
 
 

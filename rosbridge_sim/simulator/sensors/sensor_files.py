@@ -24,8 +24,6 @@ from rosbridge_sim.morai.messages.object_lists import UniqueId
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Boxes
 
-__all__ = ["SensorDataStore", "boxes_text", "gps_text", "imu_text"]
-
 _CLASSES: Final = {Kind.EGO: 0, Kind.VEHICLE: 0, Kind.PEDESTRIAN: 1, Kind.OBSTACLE: 2}
 
 

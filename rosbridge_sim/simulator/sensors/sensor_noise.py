@@ -36,19 +36,6 @@ from rosbridge_sim.world.geometry.planar import Quaternion, Vector, chain, quate
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.vehicle.sensor_readings import Inertia
 
-__all__ = [
-    "MAX_NOISE_BYTES",
-    "TYPICAL",
-    "CameraNoise",
-    "LidarNoise",
-    "NoiseSource",
-    "RadarNoise",
-    "SensorNoise",
-    "covariance",
-    "noise_schema",
-    "read_noise",
-]
-
 MAX_NOISE_BYTES: Final = 1 << 16
 """Longest document [bytes]; all keys together take less than 1 kB."""
 

@@ -26,18 +26,6 @@ from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import KINDS, MAX_SENSORS, check_rig
 from rosbridge_sim.suggestions import hint
 
-__all__ = [
-    "MAX_SENSORS_BYTES",
-    "PRESETS",
-    "document_of",
-    "learn_rig_mistakes",
-    "parse_object",
-    "read_rig",
-    "read_rig_text",
-    "rig_schema",
-    "text_of",
-]
-
 MAX_SENSORS_BYTES: Final = 1 << 20
 """Longest file [bytes]; MORAI writes about 2 kB for a sensor."""
 

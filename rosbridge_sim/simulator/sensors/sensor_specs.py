@@ -27,23 +27,6 @@ from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
-__all__ = [
-    "GPS_FRAME",
-    "IMU_FRAME",
-    "MAX_LEVER",
-    "MAX_RAYS",
-    "Cost",
-    "Fov",
-    "FrameId",
-    "MountedSpec",
-    "Near",
-    "Range",
-    "Rate",
-    "Rig",
-    "SensorSpec",
-    "TopicName",
-]
-
 MAX_FOV: Final = 170.0
 """Largest horizontal field of view [deg]: a plane picture of 180 has no width."""
 

@@ -19,8 +19,6 @@ from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Rig, SensorSpec
 
-__all__ = ["KINDS", "MAX_RAW_BYTES", "MAX_SENSORS", "SENSOR_FRAMES", "check_rig", "complete"]
-
 KINDS: Final[tuple[type[SensorSpec], ...]] = (
     GpsSpec,
     ImuSpec,

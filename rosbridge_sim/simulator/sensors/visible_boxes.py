@@ -12,8 +12,6 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_vi
 from rosbridge_sim.scenery.pictures import Picture
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 
-__all__ = ["VisibleBoxes", "find_visible_boxes"]
-
 BOX_RANGE: Final = 150.0
 """Farthest boxes in a picture [m]: a car there is 4 pixels wide at 640 pixels and 90 deg."""
 

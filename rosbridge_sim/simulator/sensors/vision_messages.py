@@ -11,8 +11,6 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes
 from rosbridge_sim.world.geometry.planar import Quaternion
 
-__all__ = ["DETECTIONS_2D", "DETECTIONS_3D", "VisionMessages", "optical"]
-
 DETECTIONS_2D, DETECTIONS_3D = "vision_msgs/Detection2DArray", "vision_msgs/Detection3DArray"
 """Types of the boxes for programs of others."""
 

@@ -18,8 +18,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["WeatherControl"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 

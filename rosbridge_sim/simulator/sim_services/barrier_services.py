@@ -20,8 +20,6 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome
 
-__all__ = ["BarrierServices"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 

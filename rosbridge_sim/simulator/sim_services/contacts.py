@@ -24,8 +24,6 @@ from rosbridge_sim.world.contacts.collisions import CollisionDetector
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.world import NO_CONTACTS, World
 
-__all__ = ["COLLISIONS", "Contacts"]
-
 COLLISIONS: Final = "/sim/collisions"
 
 MAX_AT_ONCE: Final = 100

@@ -21,8 +21,6 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Mode
 
-__all__ = ["ControlLeases"]
-
 SHORTEST: Final = 0.1
 """Shortest lease [s]: a page sends 30 commands a second, and a slow frame of a browser takes some of them."""
 

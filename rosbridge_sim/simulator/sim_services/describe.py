@@ -21,8 +21,6 @@ from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.roads.road_places import find_lane
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["Describe"]
-
 MAX_TO_LANE: Final = 3.5
 """An entity farther than this from the line of any lane is on none [m]: the width of a lane."""
 

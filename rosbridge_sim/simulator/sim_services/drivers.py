@@ -19,8 +19,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 
-__all__ = ["DRIVERS", "Drivers"]
-
 DRIVERS: Final = "/sim/drivers"
 
 _EgoFields = tuple[int, int, int, str, str, tuple[str, ...]]

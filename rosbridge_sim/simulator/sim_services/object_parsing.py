@@ -25,22 +25,6 @@ from rosbridge_sim.world.roads.road_places import LanePlace, find_lane, place_on
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Gear, Kind
 
-__all__ = [
-    "MAX_OBJECTS",
-    "MAX_PATHS",
-    "MAX_POINTS",
-    "Behaviour",
-    "Change",
-    "NewObject",
-    "ObjectMotion",
-    "Spot",
-    "check_size",
-    "find_link",
-    "read_change",
-    "read_new_object",
-    "take_lane",
-]
-
 MAX_OBJECTS: Final = 100
 """Objects in one call: drivers on lanes take 0.1 ms each, and other clients are to wait some 10 ms at most."""
 

@@ -48,8 +48,6 @@ from rosbridge_sim.world.state import placement
 from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import Gear, Kind
 
-__all__ = ["Population"]
-
 T = TypeVar("T")
 
 MAX_REMOVED: Final = 500

@@ -18,8 +18,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.real_time import set_real_time_factor
 from rosbridge_sim.simulator.kernel.real_time_pacer import why_no_factor
 
-__all__ = ["RealTimeFactor"]
-
 _log = logging.getLogger("rosbridge_sim.morai")
 
 

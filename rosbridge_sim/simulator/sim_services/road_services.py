@@ -28,8 +28,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.routing import Route, find_route, route_points
 from rosbridge_sim.world.state.world import MAX_COORDINATE
 
-__all__ = ["RoadServices"]
-
 MAX_LANES_AT_ONCE: Final = 10_000
 """Lanes of a map on which a route is found at once: at most 5 ms."""
 

@@ -19,8 +19,6 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.reading import Reader, answering
 
-__all__ = ["ListedRecording", "ListedScenario", "Listing", "ScenarioShelf", "Scenarios"]
-
 MAX_LISTED: Final = 50
 """Scenarios of one answer: each is a file of 10 to 100 kB that is read, some 2 ms."""
 

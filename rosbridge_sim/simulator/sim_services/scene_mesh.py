@@ -19,8 +19,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.reading import Reader, answering
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 
-__all__ = ["SceneMesh"]
-
 MAX_LANES: Final = 10_000
 """Lanes of a map that is drawn: the 284 lanes of `town` take 4 s of a thread and 0.5 MB, those of a city minutes."""
 

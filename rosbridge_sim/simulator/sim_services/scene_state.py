@@ -34,8 +34,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.signals import NEVER_FRAME
 from rosbridge_sim.world.state.world import DT, World
 
-__all__ = ["SCENE_STATE", "SCENE_VIEW", "SceneState"]
-
 SCENE_STATE: Final = "/sim/scene/state"
 SCENE_VIEW: Final = "/sim/scene/view"
 

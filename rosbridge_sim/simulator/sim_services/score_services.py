@@ -23,8 +23,6 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.world.scoring import Score, read_score
 
-__all__ = ["SCORE", "Scores"]
-
 SCORE: Final = "/sim/score"
 
 NO_TIME: Final = -1.0

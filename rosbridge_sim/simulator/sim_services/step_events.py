@@ -17,8 +17,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.contacts.collisions import POSE_SPEED, CollisionDetector
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, World
 
-__all__ = ["StopConditions", "StopWatch", "read_conditions"]
-
 COLLISION: Final = "collision"
 RED_LIGHT: Final = "red_light"
 OFF_ROAD: Final = "off_road"

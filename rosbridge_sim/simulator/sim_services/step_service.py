@@ -38,8 +38,6 @@ from rosbridge_sim.simulator.scene.scene_commands import ControlEgo, SceneComman
 from rosbridge_sim.simulator.sim_services.step_events import StopConditions, StopWatch, read_conditions
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["StepService"]
-
 MAX_STEPS: Final = 1_000
 """Steps of one call: 20 s of simulated time at the shortest time step, and up to 1,000 s at the longest."""
 

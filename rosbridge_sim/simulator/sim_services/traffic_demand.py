@@ -34,8 +34,6 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.routing import KnownRoutes
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["MAX_TRAFFIC", "EgoStatuses", "Traffic", "TrafficHost"]
-
 MAX_TRAFFIC: Final = 10_000
 """Largest `--traffic`: what one step is made for."""
 

@@ -10,8 +10,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.snapshot_bytes import SnapshotHead
 from rosbridge_sim.simulator.snapshots.node_state import SavedState
 
-__all__ = ["MAX_BYTES", "MAX_ID", "MAX_SNAPSHOTS", "Kept", "KeptSnapshots", "Refusal"]
-
 MAX_SNAPSHOTS: Final = 100
 """Snapshots that are kept: a person or a search keeps a few dozen branches."""
 

@@ -46,8 +46,6 @@ from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import INTS
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_UID, Kind, Snapshot, World
 
-__all__ = ["NodeState", "Plans", "SavedState"]
-
 Plans: TypeAlias = Callable[[RoadMap], SignalPlan]
 """Gives the traffic lights of a map."""
 

@@ -30,13 +30,6 @@ from rosbridge_sim.simulator.scene.scene_commands import (
 from rosbridge_sim.world.drivers.lane_position import MAX_LATERAL
 from rosbridge_sim.world.state.entity_types import MAX_COORDINATE
 
-__all__ = [
-    "Maps",
-    "pack_action",
-    "unpack_action",
-    "unpack_load",
-]
-
 MAX_VALUES: Final = 3_000_000
 """Values in a prepared load: 20,000 objects have some 95 each, and the points of 200,000 pieces of paths 4 each."""
 

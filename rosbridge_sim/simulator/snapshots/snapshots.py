@@ -44,8 +44,6 @@ from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptS
 from rosbridge_sim.simulator.snapshots.node_state import NodeState, Plans, SavedState
 from rosbridge_sim.world.saved_world import LAYOUT
 
-__all__ = ["Snapshots"]
-
 LARGE: Final = 2**20
 """Size of a state from which on a thread makes hash and bytes [bytes]: half as many take a millisecond or two."""
 

@@ -53,9 +53,6 @@ from rosbridge_sim.simulator.sync.barrier_table import (
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, MAX_STEP_MS, MAX_USER_ID
 
-__all__ = ["Barrier"]
-
-
 _WHILE: Final = "while the tick waited for the other members"
 _WHY_REFUSED: Final = {
     BarrierEvent.PAUSE: f"the simulation was paused {_WHILE}",

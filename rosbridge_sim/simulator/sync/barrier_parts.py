@@ -12,16 +12,6 @@ from rosbridge_sim.simulator.sync.barrier_table import (
     BarrierEvent,
 )
 
-__all__ = [
-    "BarrierHappening",
-    "BarrierHooks",
-    "BarrierMember",
-    "BarrierStatus",
-    "BarrierTick",
-    "OnBarrierTick",
-    "end_all",
-]
-
 OnBarrierTick = Callable[[str], None]
 """Takes why the tick was refused; an empty text says that it was carried out."""
 

@@ -24,22 +24,6 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, MAX_STEP_MS, MAX_USER_ID
 
-__all__ = [
-    "BARRIER_ID",
-    "BARRIER_REASONS",
-    "BARRIER_TABLE",
-    "DEFAULT_DEADLINE",
-    "IMPOSSIBLE",
-    "MAX_DEADLINE",
-    "MAX_MEMBERS",
-    "MAX_TICKS_AHEAD",
-    "MIN_DEADLINE",
-    "BarrierEffect",
-    "BarrierEvent",
-    "BarrierOutcome",
-    "BarrierState",
-]
-
 BARRIER_ID: Final = "/sim/barrier"
 """The master's id while a barrier leads; it names the topic that tells more."""
 

@@ -62,8 +62,6 @@ from rosbridge_sim.simulator.sync.sync_table import (
 )
 from rosbridge_sim.simulator.sync.waiting_commands import WaitingCommands
 
-__all__ = ["Sync"]
-
 _LOSS: Final = {"run": SyncEvent.LOSS_TO_RUN, "pause": SyncEvent.LOSS_TO_PAUSE, "wait": SyncEvent.LOSS_TO_WAIT}
 
 _WHILE_IT_WAITED: Final = "while the tick waited for its turn"

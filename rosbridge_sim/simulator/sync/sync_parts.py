@@ -11,8 +11,6 @@ from rosbridge_sim.simulator.sync.sync_table import (
     SyncEvent,
 )
 
-__all__ = ["C", "SyncHappening", "SyncHooks"]
-
 C = TypeVar("C")
 """Type of a command; the caller chooses it."""
 

@@ -27,25 +27,6 @@ from typing import Final
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.records import Record
 
-__all__ = [
-    "FRAME_MS",
-    "MAX_AHEAD",
-    "MAX_STEP_MS",
-    "MAX_USER_ID",
-    "MAX_WAITING_COMMANDS",
-    "NO_MASTER",
-    "OF_A_MASTER",
-    "OF_WAITING",
-    "ON",
-    "PAUSED",
-    "REASONS",
-    "SYNC_TABLE",
-    "SyncEffect",
-    "SyncEvent",
-    "SyncOutcome",
-    "SyncState",
-]
-
 FRAME_MS: Final = 20
 """One frame [ms]: the simulator's own step, of which every time step is a multiple."""
 

@@ -8,8 +8,6 @@ from typing import Generic
 
 from rosbridge_sim.simulator.sync.sync_parts import C
 
-__all__ = ["WaitingCommands"]
-
 
 class WaitingCommands(Generic[C]):
     """Commands in the order in which they will be carried out: by frame, then by arrival.

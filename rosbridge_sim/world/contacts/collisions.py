@@ -44,8 +44,6 @@ from rosbridge_sim.world.geometry.planar import (
 )
 from rosbridge_sim.world.state.world import NO_CONTACTS, Kind, World
 
-__all__ = ["CollisionDetector", "find", "find_crashes", "find_touched", "remember"]
-
 GRAIN: Final = 0.02
 """Distance that a corner may stray from its place because its box turns [m]: less than the thinnest post."""
 

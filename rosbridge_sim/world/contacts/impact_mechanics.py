@@ -30,8 +30,6 @@ from typing import Final
 
 from rosbridge_sim.records import Record
 
-__all__ = ["FRICTION", "RESTITUTION", "Contact", "Rigid", "find_contact", "find_impact", "play", "strike"]
-
 RESTITUTION: Final = 0.1
 """Share of the speed of approach with which vehicles part: 0 to 0.3, less the faster they are (Brach and Brach)."""
 

@@ -45,8 +45,6 @@ from rosbridge_sim.world.state.entity_types import GRAVITY, MAX_SPEED
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import NO_CONTACTS, Dynamics, Kind, World
 
-__all__ = ["MAX_PAIRS", "SLIDING_FRICTION", "collide", "slide"]
-
 SLIDING_FRICTION: Final = 0.75
 """Friction of locked wheels on dry asphalt (Wong, Theory of Ground Vehicles, table 1.3)."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatAr
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["HORIZON", "find_times_to_collision"]
-
 _Float = TypeVar("_Float", np.float32, np.float64)
 
 HORIZON: Final = 10.0

@@ -41,21 +41,6 @@ from rosbridge_sim.world.drivers.lane_entries import EntryQueue
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME
 
-__all__ = [
-    "BRAKE_FROM",
-    "BRAKE_FULLY",
-    "CREEP",
-    "FIRM",
-    "GAP",
-    "STOP_GAP",
-    "Perception",
-    "SlowVehicles",
-    "accelerate",
-    "firm_stop",
-    "gap_wanted",
-    "keep_gap",
-]
-
 GAP: Final = 2.5
 """The papers' s0, the gap in a standing queue [m]: theirs is 2 m, SUMO's 2.5 m."""
 

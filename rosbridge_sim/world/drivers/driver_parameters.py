@@ -24,8 +24,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["BICYCLE", "CAR", "HEAVY", "LIGHT_GOODS", "MOTORCYCLE", "DriverParameters", "Figure", "classes_of"]
-
 BICYCLE, MOTORCYCLE, CAR, LIGHT_GOODS, HEAVY = range(5)
 """Classes of vehicles."""
 

@@ -37,8 +37,6 @@ from rosbridge_sim.world.roads.lane_conflicts import (
     foresight,
 )
 
-__all__ = ["DriverSight", "Stop", "observe", "perceive"]
-
 FOLLOWS_FROM: Final = 0.25
 """A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
 

@@ -17,8 +17,6 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 
-__all__ = ["stop_for_intruders"]
-
 MOVES: Final = 0.5
 """An intruder drives along the lane faster than this [m/s]; one that stands is an obstacle."""
 

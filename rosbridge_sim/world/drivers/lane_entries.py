@@ -20,16 +20,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = [
-    "MAX_SCALE_TICKS",
-    "Drivers",
-    "Entries",
-    "EntryQueue",
-    "find_entries",
-    "scale_ticks",
-    "sibling_entries",
-]
-
 CORRIDOR: Final = 1.4
 """An entity nearer to a lane's line than this obstructs the lane: half the width of a car, and half a metre [m]."""
 

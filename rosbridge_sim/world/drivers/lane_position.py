@@ -23,25 +23,6 @@ from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.settling import settle_on_lanes
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = [
-    "MAX_LATERAL",
-    "MAX_WANDER",
-    "LaneStart",
-    "check_route",
-    "enter_next_legs",
-    "find_ahead",
-    "find_straights",
-    "headings",
-    "headings_ahead",
-    "join_lane",
-    "join_lanes",
-    "keep_lane",
-    "keep_lanes",
-    "leave_lane",
-    "rear_axles",
-    "set_legs",
-]
-
 MAX_LATERAL: Final = 5.0
 """Greatest offset from the line that a driver keeps [m]: more is another lane."""
 

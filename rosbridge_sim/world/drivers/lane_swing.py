@@ -23,8 +23,6 @@ from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["are_tight", "find_long", "find_swinging", "plan_swings"]
-
 MARGIN: Final = 0.1
 """Distance that the vehicle keeps to the borders of its lane if it can [m]: mirrors reach 0.1 to 0.2 m out."""
 

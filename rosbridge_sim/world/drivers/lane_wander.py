@@ -25,8 +25,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["USUAL_WANDER", "LaneWander", "aims_at", "room_of"]
-
 USUAL_WANDER: Final = 0.15
 """Standard deviation of the aim [m]. On motorways that of the position is 0.15 to 0.25 m (de Waard 1996; Verster and
 Roth 2011); preview takes 5 to 10 % of this one away."""

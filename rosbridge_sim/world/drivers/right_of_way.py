@@ -27,8 +27,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["Requests", "give_claims", "update_holds"]
-
 SAME_DISTANCE: Final = 1.0
 """Distances are compared in steps of this [m]: at stop lines drivers stand that much apart, but equally near."""
 

@@ -18,8 +18,6 @@ from rosbridge_sim.world.state.chance import mix
 from rosbridge_sim.world.state.row_worlds import NO_ROUTE
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["NUM_AHEAD", "RouteChoice"]
-
 NUM_AHEAD: Final = 5
 """Lanes that are chosen in advance. They are the columns `ahead_1` to `ahead_5` of the world."""
 

@@ -20,8 +20,6 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 
-__all__ = ["follow_in_joins"]
-
 EASE: Final = 0.2
 """Addition to the gap for each metre before the stretch that both lanes share. Found on the map `motorway`: with less,
 drivers brake for those far away; with more, they open their gaps too late."""

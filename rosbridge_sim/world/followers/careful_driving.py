@@ -17,8 +17,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["INTERVAL", "PATH_OFFSET", "mind_the_path"]
-
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers; it falls one frame after theirs, which spreads the load."""
 

@@ -11,8 +11,6 @@ from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["BRAKE", "BRAKE_LIGHT_DECEL", "LEFT", "REVERSE", "RIGHT", "find_lamps"]
-
 LEFT, RIGHT, BRAKE, REVERSE = 1, 2, 4, 8
 """Bits of the lamps of a vehicle."""
 

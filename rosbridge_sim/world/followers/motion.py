@@ -35,8 +35,6 @@ from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.paths import DX, DY, DZ, START, X, Y, Z
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["SPAN", "motion"]
-
 SPAN: Final = {Kind.VEHICLE: 2.0, Kind.PEDESTRIAN: 0.5, Kind.OBSTACLE: 0.5}
 """The length of line over which a direction is averaged [m]. Lanes have a point each half metre or metre, and bends of
 4 m radius and more; a pedestrian turns within a step."""

@@ -16,8 +16,6 @@ from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["OtherEntities", "find_passed_first"]
-
 MOVES: Final = 0.5
 """A vehicle above this speed drives through an intersection; a slower one waits in it [m/s]."""
 

@@ -26,8 +26,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.row_program import RowProgram
 from rosbridge_sim.world.state.world import BoolArray, Kind, World
 
-__all__ = ["follow_paths"]
-
 
 def follow_paths(world: World, dt: float) -> None:
     """Move all rows that are on a path or in constant motion.

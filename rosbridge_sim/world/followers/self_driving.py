@@ -21,8 +21,6 @@ from rosbridge_sim.world.roads.road_places import find_lane, place_on_lane
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import Gear, Kind, Mode, World
 
-__all__ = ["MAX_LATERAL_OFFSET", "SelfDrivingEgos", "change_lane", "start_self_driving"]
-
 MAX_LATERAL_OFFSET: Final = 3.0
 """Self-driving starts only this near to the line of a lane [m]: on the lane, or on the next one of usual width."""
 

@@ -16,8 +16,6 @@ from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["find_turn_signals"]
-
 TURN: Final = math.radians(30.0)
 """A lane of an intersection that turns by more than this is a turn. Where a road goes on, few bend as much."""
 

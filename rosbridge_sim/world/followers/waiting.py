@@ -15,8 +15,6 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["start"]
-
 
 def start(world: World) -> None:
     """Start the waiting rows that an EGO is near enough to.

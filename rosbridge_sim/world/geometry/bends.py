@@ -19,8 +19,6 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 
-__all__ = ["end_angles", "is_longer", "leg_curves", "legs_of", "offset", "slope", "stretch"]
-
 CORNER: Final = 0.6
 """A line that turns by more than this at a point has a corner there [rad]. A quarter of a circle that is drawn with
 four points turns by 0.52."""

@@ -11,8 +11,6 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 
-__all__ = ["CELL_COLUMN", "REACH", "BlockGrid"]
-
 REACH: Final = 16.0
 """A box within this distance is certainly found [m]: the length of a long lorry."""
 

@@ -9,8 +9,6 @@ import numpy as np
 from rosbridge_sim.world.geometry.block_grid import CELL_COLUMN
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 
-__all__ = ["MAX_WIDE", "find_near_pairs", "find_share"]
-
 MAX_WIDE: Final = 8
 MUCH: Final = 1.5
 """Cells are as large as the usual entity needs. At most `MAX_WIDE` entities that are larger by this factor are compared

@@ -10,8 +10,6 @@ from rosbridge_sim.world.geometry.near_pairs import find_share
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 
-__all__ = ["find_neighbours"]
-
 _COLUMN = 1 << 32
 """Key stride: + `_COLUMN` moves one cell east, + 1 one cell north."""
 

@@ -12,28 +12,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-__all__ = [
-    "BoolArray",
-    "ComplexArray",
-    "FloatArray",
-    "IntArray",
-    "Nearest",
-    "Quaternion",
-    "Vector",
-    "arc_lengths",
-    "chain",
-    "distinct",
-    "do_boxes_meet",
-    "is_among",
-    "nearest_on_polyline",
-    "of_rows",
-    "quaternion",
-    "ranges",
-    "rotate",
-    "rotate_back",
-    "wrap_angle",
-]
-
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]

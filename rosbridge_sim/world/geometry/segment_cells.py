@@ -24,8 +24,6 @@ from rosbridge_sim.world.geometry.segment_search import (
     height_cost,
 )
 
-__all__ = ["SegmentCells"]
-
 CELL: Final = 2.0
 """Side of a cell [m], about as long as the segments in bends: smaller cells are found more rarely."""
 

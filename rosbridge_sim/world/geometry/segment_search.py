@@ -16,8 +16,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 
-__all__ = ["BESIDE", "SAME_HEIGHT", "LaneSegments", "Near", "SegmentSearch", "first_least", "height_cost"]
-
 Near = tuple[IntArray, IntArray, tuple[FloatArray, FloatArray, FloatArray]]
 """See `SegmentSearch.within`."""
 

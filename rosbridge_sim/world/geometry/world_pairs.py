@@ -6,8 +6,6 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import IntArray, ranges
 
-__all__ = ["pair_in_worlds"]
-
 
 def pair_in_worlds(world: IntArray, other_world: IntArray) -> tuple[IntArray, IntArray]:
     """Return all pairs of a thing and another one in the same world.

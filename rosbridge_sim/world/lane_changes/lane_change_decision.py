@@ -18,8 +18,6 @@ from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeig
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, SETTLING_TIME, LaneConflicts, foresight
 from rosbridge_sim.world.state.world import DT, World
 
-__all__ = ["BLOCKED_WAY", "LaneLook"]
-
 SIGNAL_FRAMES: Final = 75
 """Frames that a driver signals before it moves over: 1.5 s, three blinks."""
 

@@ -22,16 +22,6 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import COMFORT
 
-__all__ = [
-    "KEEP_RIGHT_BIAS",
-    "MAX_REASON",
-    "SAFE_BRAKING",
-    "THRESHOLD",
-    "LaneChange",
-    "find_safe",
-    "follow",
-]
-
 
 class LaneChange(IntEnum):
     """Reason of a driver to change lanes."""

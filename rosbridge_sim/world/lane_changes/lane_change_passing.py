@@ -31,8 +31,6 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
 from rosbridge_sim.world.roads.lane_change_map import LEFT
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["STANDS", "Shifts", "find_blocked", "is_clear"]
-
 CLEARANCE: Final = 0.15
 """Distance to the side at which a driver passes the corner of what stands ahead [m]."""
 

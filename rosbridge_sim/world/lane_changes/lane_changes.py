@@ -41,8 +41,6 @@ from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME, LaneConflicts
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["LaneChanges"]
-
 LOOK_EVERY: Final = 5  # odd, so that looks fall on even and odd decisions in turn
 LOOK_PARTS: Final = 2
 """Each so many decisions, one of so many parts of the drivers looks at the lanes beside: each driver once a second, for

@@ -42,8 +42,6 @@ from rosbridge_sim.world.state.row_worlds import NO_ROUTE
 from rosbridge_sim.world.state.world import MAX_UID, NO_CONTACTS, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["MAX_ROWS", "PHASES", "Batch", "OneOfMany"]
-
 MAX_ROWS: Final = 128
 """A world with more rows steps alone. All pairs of so many are below every bound of a step (2^14 pairs near each other,
 2^16 compared), and at so many rows the calls are no longer what costs."""

@@ -9,8 +9,6 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.paths import Paths
 
-__all__ = ["ManyPaths"]
-
 
 class ManyPaths(Paths):
     """The stores of some worlds, one after another; read only.

@@ -20,8 +20,6 @@ from rosbridge_sim.world.roads.lane_joins import Joins
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.turn_shares import ONE, TurnKinds, TurnShares
 
-__all__ = ["ManyRoads", "most_worlds"]
-
 T = TypeVar("T")
 
 MAX_POINTS: Final = 1 << 10

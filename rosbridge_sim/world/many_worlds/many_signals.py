@@ -11,8 +11,6 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import NEVER_FRAME, Signals, look_at
 
-__all__ = ["ManySignals"]
-
 
 class ManySignals(Signals):
     """The lights of all worlds of a batch.

@@ -12,8 +12,6 @@ from rosbridge_sim.world.many_worlds.many_roads import most_worlds
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.step import step
 
-__all__ = ["WorldSet"]
-
 
 class WorldSet:
     """Worlds that are moved together.

@@ -17,8 +17,6 @@ from rosbridge_sim.world.roads.paths import DX, DY, END, START, Segments, X, Y
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
-__all__ = ["Crossings", "find_crossings"]
-
 SAMPLE: Final = 0.25
 """Distance of the places of a path that are looked at [m]: half a step of a pedestrian."""
 

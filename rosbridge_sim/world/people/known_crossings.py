@@ -20,8 +20,6 @@ from rosbridge_sim.world.people.crossings import Crossings, find_crossings
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["FARTHEST", "KnownCrossings"]
-
 MAX_KNOWN: Final = 24_000
 """Paths whose crossings are kept: more than a full scene has entities, so those in use stay. A path takes 0.5 kB, and
 0.2 to 1 ms to look at."""

@@ -28,8 +28,6 @@ from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["COMMITTED", "WALK_OFFSET", "find_ways_over", "walk"]
-
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers, and two frames after theirs, to spread the load."""
 

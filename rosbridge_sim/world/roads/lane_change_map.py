@@ -14,8 +14,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.roads.lane_conflicts import Links
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["LEFT", "NUM_SIDES", "RIGHT", "LaneNeighbours"]
-
 LEFT, RIGHT = 0, 1
 """Sides, as indices. The columns `signal` and `leaving` have these plus 1."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.roads.lane_joins import find_joins
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["COMFORT", "SETTLING_TIME", "LaneConflicts", "Links", "foresight"]
-
 COMFORT: Final = 2.0
 """Comfortable deceleration of the typical driver, for what it has seen in time [m/s^2]."""
 

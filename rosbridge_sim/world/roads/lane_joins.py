@@ -10,8 +10,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["Joins", "find_joins"]
-
 MAX_ANGLE: Final = np.radians(20.0)
 """Lanes that meet at a greater angle are those of an intersection [rad]; an entry of a motorway has 2 to 5 degrees."""
 

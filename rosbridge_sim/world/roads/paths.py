@@ -33,8 +33,6 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, arc_lengths, distinct, wrap_angle
 
-__all__ = ["KEYS_PER_METRE", "MAX_PATH_LENGTH", "Paths", "PathsSnapshot", "Segments", "lay_segments"]
-
 KEYS_PER_METRE: Final = float(1 << 26)
 """Key units in a metre: 15 nm each, far below the digits of any file."""
 

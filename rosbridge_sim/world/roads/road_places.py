@@ -9,8 +9,6 @@ import numpy as np
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 
-__all__ = ["MAX_EDGE", "LanePlace", "find_lane", "is_on_road", "place_on_lane"]
-
 MAX_EDGE: Final = 20.0
 """No edge of a lane is farther from its line [m]: readers of maps take a farther one for that of another lane."""
 

@@ -22,8 +22,6 @@ from rosbridge_sim.world.geometry import bends
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, in_columns, wrap_angle
 from rosbridge_sim.world.geometry.segment_search import LaneSegments, SegmentSearch
 
-__all__ = ["LEVEL", "LanePlaces", "Roads"]
-
 T = TypeVar("T")
 
 LEVEL: Final = 2.5

@@ -20,8 +20,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["MAX_ROUTE_POINTS", "KnownRoutes", "Route", "find_route", "route_points"]
-
 MAX_ROUTE_POINTS: Final = 10_000
 """Points of a route that are given at most: 5 km with a point each half metre; a longer route leaves points out."""
 

@@ -27,8 +27,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["GREENS", "UNSET", "Controller", "Lamp", "Light", "Phase", "SignalPlan", "Walk"]
-
 
 class Lamp(IntFlag):
     """The lamps of a light; a sum of them says which are lit. The numbers are those of MORAI's messages."""

@@ -19,9 +19,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import UNSET, Lamp, SignalPlan
 
-__all__ = ["FREE", "NEVER_FRAME", "Signals", "SignalsSnapshot", "light_ahead", "look_at"]
-
-
 NEVER_FRAME: Final = 2**62
 """A frame that is never reached."""
 

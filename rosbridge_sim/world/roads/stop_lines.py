@@ -20,8 +20,6 @@ from rosbridge_sim.world.roads.roads import LEVEL, Roads
 from rosbridge_sim.world.roads.signal_plan import Lamp, SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 
-__all__ = ["Passed", "StopLines", "find_red_lanes", "settle"]
-
 BESIDE_LINE: Final = 0.5
 """A point that passes this far beside a lane's edge has still passed its stop line [m]: half of the car is over it."""
 

@@ -27,8 +27,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, in_columns
 from rosbridge_sim.world.geometry.segment_search import SAME_HEIGHT, first_least, height_cost
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["BEYOND", "Ground", "Surface"]
-
 REACH: Final = 8.0
 """Lanes within this distance are found by the grid [m]: all places on roads are so near to the line of a lane. For
 others all lanes are searched."""

@@ -16,8 +16,6 @@ from rosbridge_sim.world.geometry.planar import IntArray, wrap_angle
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["MAX_SHARE", "ONE", "TurnKinds", "TurnShares"]
-
 LOOK: Final = 30.0
 """Distance beyond a fork at which its lanes are compared [m]: lanes across an intersection end there, and a long road
 has not yet had bends of its own."""

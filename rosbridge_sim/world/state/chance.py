@@ -14,8 +14,6 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
-__all__ = ["bell", "mix", "salt_of", "salt_of_seeds"]
-
 _SEED_FACTOR: Final = 0x632BE59BD9B4E019
 """An odd number, so that worlds with neighbouring seeds get unrelated choices."""
 

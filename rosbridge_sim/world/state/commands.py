@@ -15,8 +15,6 @@ from rosbridge_sim.world.state.control_columns import update_all_control_columns
 from rosbridge_sim.world.state.placement import set_ghost
 from rosbridge_sim.world.state.world import MAX_SPEED, Gear, Kind, Mode, World
 
-__all__ = ["STANDSTILL", "command", "command_all", "release", "shift", "speed_in_gear", "turn_wheels"]
-
 MAX_COMMAND_ACCEL: Final = 100.0
 """Commanded accelerations are clipped at this [m/s^2]: beyond any brake, and it keeps the controller's sums finite."""
 

@@ -14,8 +14,6 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
 from rosbridge_sim.world.state.entity_types import Body, Gear, Mode
 
-__all__ = ["fill_body_columns", "update_all_control_columns", "update_control_columns"]
-
 STICTION: Final = 1e-9
 """Resistance of a row at rest in any gear but P [m/s^2]. It is too small to notice, and the controller does not count
 it when it works out its pedals. Where throttle and rolling resistance balance at rest, rounding would leave a speed of

@@ -16,20 +16,6 @@ import numpy.typing as npt
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.entity_types import Body
 
-__all__ = [
-    "BOOLS",
-    "FLOATS",
-    "INTS",
-    "KINEMATIC_ALL",
-    "KINEMATIC_CORE",
-    "LANE_CHANGE_CODES",
-    "LANE_CHANGE_COLUMNS",
-    "LEG_COLUMNS",
-    "NUM_CORE",
-    "BoolArray",
-    "EntityArrays",
-]
-
 BoolArray = npt.NDArray[np.bool_]
 
 MIN_ROWS: Final = 32

@@ -10,19 +10,6 @@ from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Final
 
-__all__ = [
-    "CG_SHARE",
-    "GRAVITY",
-    "MAX_COORDINATE",
-    "MAX_SPEED",
-    "ROAD_FRICTION",
-    "Body",
-    "Dynamics",
-    "Gear",
-    "Kind",
-    "Mode",
-]
-
 MAX_COORDINATE: Final = 1e9
 """Bound of coordinates, and of angles that are wrapped later [m, rad]. It is far beyond any map, and keeps squares and
 sums finite for ever."""

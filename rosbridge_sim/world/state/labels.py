@@ -19,20 +19,6 @@ from rosbridge_sim.world.state.entity_types import (
     Kind,
 )
 
-__all__ = [
-    "LOOK_AHEAD",
-    "MAX_KNOWN_NAME",
-    "box_of",
-    "check_pose",
-    "figures_of",
-    "figures_of_all",
-    "in_space",
-    "label_of",
-    "labels_and_boxes",
-    "reach_of",
-    "usual_wheelbase",
-]
-
 LOOK_AHEAD: Final = 0.5
 """Length over which a body without axles turns at a corner of its path [m]: a pedestrian's step."""
 

@@ -15,8 +15,6 @@ from rosbridge_sim.world.state.labels import check_pose
 from rosbridge_sim.world.state.settling import settle
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Dynamics, Kind, World
 
-__all__ = ["place_ghost", "place_ghosts", "set_ghost", "set_speed", "show_ghosts", "teleport"]
-
 _TILTS: Final = {"roll": "ground_roll", "pitch": "ground_pitch"}
 
 

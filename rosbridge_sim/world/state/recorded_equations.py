@@ -16,8 +16,6 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, wrap_angle
 from rosbridge_sim.world.state.row_program import RowProgram
 
-__all__ = ["RECORDED", "EquationRecorder", "RecordedOperators", "Value"]
-
 _Function = Callable[..., object]
 
 

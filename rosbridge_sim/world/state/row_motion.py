@@ -18,8 +18,6 @@ from rosbridge_sim.world.state.entity_arrays import (
 )
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Kind
 
-__all__ = ["RowMotion"]
-
 _SURELY_WRAPPED: Final = 3.14
 """Angles within this are certainly wrapped, however the last place of pi is rounded [rad]."""
 

@@ -21,8 +21,6 @@ import numpy.typing as npt
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["RowProgram"]
-
 
 class RowProgram:
     """The columns `first` to `last` of some rows, and the calls that change them.

@@ -13,8 +13,6 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.chance import salt_of
 from rosbridge_sim.world.state.row_motion import RowMotion
 
-__all__ = ["NO_ROUTE", "RowWorlds"]
-
 NO_ROUTE: IntArray = np.empty(0, dtype=np.int64)
 NO_ROUTE.flags.writeable = False
 

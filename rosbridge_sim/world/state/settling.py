@@ -22,8 +22,6 @@ from rosbridge_sim.world.roads.surface import Ground, Surface
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
 from rosbridge_sim.world.state.entity_types import GRAVITY, Kind
 
-__all__ = ["keep_level", "settle", "settle_on", "settle_on_lanes"]
-
 
 def settle(arrays: EntityArrays, roads: Roads, rows: IntArray, z: FloatArray | None) -> None:
     """Put rows onto the ground where they are.

@@ -10,8 +10,6 @@ from rosbridge_sim.world.roads.signals import SignalsSnapshot
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.entity_types import Body, Dynamics
 
-__all__ = ["Snapshot"]
-
 
 class Snapshot(Record):
     """A copy of a whole world. It can be restored any number of times, into any world."""

@@ -23,8 +23,6 @@ from rosbridge_sim.world.state.entity_types import Dynamics, Kind
 from rosbridge_sim.world.state.settling import settle_on, settle_on_lanes
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["SPAN", "stand"]
-
 SPAN: Final = 2.0
 """The length of ground over which an ego's slope is averaged [m], as `motion.SPAN` has it for vehicles on lanes."""
 

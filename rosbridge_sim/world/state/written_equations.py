@@ -15,8 +15,6 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, wrap_angle
 
-__all__ = ["Script", "Term", "WrittenOperators"]
-
 
 class Term:
     """A number that the function will have."""

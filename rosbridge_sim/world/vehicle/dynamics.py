@@ -49,8 +49,6 @@ from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOpe
 from rosbridge_sim.world.vehicle.ground import find_friction
 from rosbridge_sim.world.vehicle.single_track import advance, make_car
 
-__all__ = ["drive"]
-
 ULP_PI: Final = math.ulp(math.pi)
 """From pi to the next number [rad]."""
 

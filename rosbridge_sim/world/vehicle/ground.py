@@ -17,8 +17,6 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["INTERVAL", "NEAR_LIMIT", "OFF_ROAD_FRICTION", "are_on_road", "find_friction"]
-
 OFF_ROAD_FRICTION: Final = 0.6
 """Friction of gravel (Wong, Theory of Ground Vehicles, table 1.3); dry earth has a little more."""
 

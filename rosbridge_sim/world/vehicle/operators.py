@@ -10,8 +10,6 @@ from typing import Protocol, TypeVar
 from rosbridge_sim.world.state.recorded_equations import Value
 from rosbridge_sim.world.state.written_equations import Term
 
-__all__ = ["Operators", "V"]
-
 V = TypeVar("V", Term, Value)
 """A number of one car, or one number for each car."""
 

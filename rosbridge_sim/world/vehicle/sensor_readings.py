@@ -45,8 +45,6 @@ from rosbridge_sim.world.geometry.planar import (
 from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import DT, Dynamics, World
 
-__all__ = ["Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
-
 STEER_ROUNDING: Final = 1e-9
 """The most that rounding can add to the turn of the wheels in one step [rad]."""
 

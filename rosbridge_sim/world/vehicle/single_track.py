@@ -65,8 +65,6 @@ from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle import stability
 from rosbridge_sim.world.vehicle.operators import Operators, V
 
-__all__ = ["BLEND_FROM", "BLEND_TO", "Car", "advance", "make_car"]
-
 SHAPE: Final = 1.35
 """C of the magic formula: between 1.3, Pacejka's value for lateral force, and 1.4; the force of a sliding tyre is 85 %
 of its peak."""

@@ -32,8 +32,6 @@ from typing import Final, Generic, NamedTuple
 from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle.operators import Operators, V
 
-__all__ = ["FRONT_RESERVE", "REAR_RESERVE", "YawControl", "correct", "make_control", "share_along", "share_beyond"]
-
 RESERVE: Final = 1.25
 """Grip that is kept across, for each newton that an axle carries across. A tyre needs more slip, and so time, for more
 force than it has; with 1 a car in a bend that tightens slides before the brakes give way."""

@@ -11,8 +11,6 @@ from typing import Final, Literal, NamedTuple
 from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import Dynamics, World
 
-__all__ = ["NO_TYRES", "TyreReading", "read_tyres"]
-
 
 class TyreReading(NamedTuple):
     """Reading of one wheel.
