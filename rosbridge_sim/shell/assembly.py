@@ -135,33 +135,20 @@ def make_simulator_node(
         object_range=settings.object_range,
         object_velocity_unit=settings.object_velocity_unit,
     )
-    choices = NodeSettings(
-        profile=profile,
-        start=settings.start,
-        start_mode=settings.start_mode,
-        speed_limits=SPEED_LIMITS.get(settings.release),
-        network=NetworkSettings(settings.publishers, settings.subscribers, settings.services),
-        sync_frames=settings.sync_frames,
-        sync_lease=settings.sync_lease,
-        sync_on_loss=settings.sync_on_loss,
-        anyone_may_stop=settings.anyone_may_stop,
-        catalogue=library.catalogue,
-        real_time_factor=settings.real_time_factor,
-        replay_info=settings.replay_info,
-        score=settings.score,
-        traffic=settings.traffic,
-        traffic_wander=settings.traffic_wander,
-        sensor_noise=read_sensor_noise(settings.sensor_noise),
-        sensors=read_sensors(settings.sensors),
-        weather=Weather(settings.weather),
-        rain_friction=settings.rain_friction,
-        is_dressed=settings.dressing,
-        on_world_failure=settings.on_world_failure,
-        standard_topics=settings.standard_topics or settings.ros2_domain is not None,
-        tf_frames=settings.tf_frames,
-        cmd_vel=settings.cmd_vel,
-        command_deadline=settings.ros2_command_deadline if settings.ros2_wait_for_command else None,
-    )
+    same = {name: getattr(settings, name) for name in NodeSettings.__struct_fields__ if hasattr(settings, name)}
+    differing = {
+        "profile": profile,
+        "speed_limits": SPEED_LIMITS.get(settings.release),
+        "network": NetworkSettings(settings.publishers, settings.subscribers, settings.services),
+        "catalogue": library.catalogue,
+        "sensor_noise": read_sensor_noise(settings.sensor_noise),
+        "sensors": read_sensors(settings.sensors),
+        "weather": Weather(settings.weather),
+        "is_dressed": settings.dressing,
+        "standard_topics": settings.standard_topics or settings.ros2_domain is not None,
+        "command_deadline": settings.ros2_command_deadline if settings.ros2_wait_for_command else None,
+    }
+    choices = NodeSettings(**(same | differing))
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
     scenario = library.opening_scenario(settings.scenario)
     mistakes = taken_names(settings)

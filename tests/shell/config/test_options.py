@@ -18,6 +18,7 @@ from rosbridge_sim.shell.config.flag_table import SHORT_FORMS
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
+from rosbridge_sim.simulator.simulator_node import NodeSettings
 from tests.support import PATIENCE, ROOT, miss
 
 OPTIONS = get_type_hints(SimulatorOptions)
@@ -76,3 +77,11 @@ def test_type_checker_refuses_what_the_run_refuses(tmp_path: Path) -> None:
     )
     wrong = [line.split(":")[1] for line in done.stdout.splitlines() if ": error: " in line]
     assert wrong == ["3", "4", "5"], done.stdout
+
+
+def test_settings_that_the_simulator_takes_as_they_are_have_its_types() -> None:
+    own = get_type_hints(NodeSettings)
+    made = {"profile", "catalogue", "sensor_noise", "sensors", "weather"}  # from words, by `make_simulator_node`
+    same = (own.keys() & SETTINGS.keys()) - made
+    assert len(same) > 12
+    assert {name: own[name] for name in same} == {name: SETTINGS[name] for name in same}
