@@ -33,8 +33,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Final
-
-__all__ = ["OF_BOTH", "OF_ROS1", "OF_ROS2"]
 '''
 
 
