@@ -106,7 +106,6 @@ class Worlds(SteppedWorlds):
             if scores:
                 world.start_scoring()
             self._scenes.append(one)
-        self._library = library
         self._names = keys
         self._options: dict[str, Any] = {
             "scenario": [opened[key] for key in keys],
@@ -116,6 +115,7 @@ class Worlds(SteppedWorlds):
             "dynamics": dynamics,
             "impacts": impacts,
             "scores": scores,
+            "library": library,
         }
         self._traffic: _ManyTraffics | None = None
         self._begins: dict[tuple[str, int], SavedScene] = {}
@@ -126,10 +126,10 @@ class Worlds(SteppedWorlds):
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Return worlds that go on as these do, to the bit. They share the library with its maps."""
         del memo
-        return self._go_on({**self._options, "library": self._library}, self._names, self.seeds, self.save())
+        return self._go_on(self._options, self._names, self.seeds, self.save())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what pickle keeps: scenarios and states. Maps are read again, by a library without folders."""
+        """Return what pickle keeps: scenarios, states and the places of the library. Maps are read again."""
         states = [(to_plain(each.world), each.next_uid, each.traffic) for each in self.save()]
         return self._go_on, (self._options, self._names, self.seeds, states)
 
@@ -276,7 +276,7 @@ class Worlds(SteppedWorlds):
             ValueError: there is no such world, model or lane, or a number is out of range. Nothing has changed.
         """
         one = self._scene(world)
-        found = _find_model(self._library, model)
+        found = _find_model(self._options["library"], model)
         if lane is not None and not 0 <= lane < len(one.world.roads):
             raise ValueError(f"lane: expected 0..{len(one.world.roads) - 1}, got {lane}")
         uid = one.scene.add(found, x=x, y=y, z=z, yaw=yaw)

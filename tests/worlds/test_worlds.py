@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import copy
 import pickle
+import shutil
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +21,7 @@ from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import Dynamics, Gear, Kind, Mode, World
 from tests.simulator.sim_harness import Client, make_store
+from tests.support import ROOT
 
 LIBRARY = DiskLibrary()
 
@@ -82,6 +85,15 @@ def test_reset_takes_new_seeds() -> None:
         Worlds("loop", seed=7, traffic=4).digests()[0],
         Worlds("loop", seed=1, traffic=4).digests()[0],
     ]
+
+
+def test_pickled_worlds_find_the_map_of_their_user_again(tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "rosbridge_sim" / "data" / "maps" / "track", tmp_path / "own")
+    library = DiskLibrary(own_map=str(tmp_path / "own"))
+    worlds = rosbridge_sim.Worlds("loop", library=library)
+    for each in (copy.deepcopy(worlds), pickle.loads(pickle.dumps(worlds))):  # noqa: S301 - our own bytes
+        assert each.world(0).roads.ids == worlds.world(0).roads.ids
+        assert each.digests() == worlds.digests()
 
 
 def test_copied_and_pickled_worlds_go_on_as_they_did() -> None:

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
+from typing import Any
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.map_formats import MAP_FILES, read_map
@@ -76,6 +77,14 @@ class DiskLibrary:
         for folder in self._folders:
             if not folder.is_dir():
                 raise DocumentError(f"{folder}: expected a folder with scenarios; there is none")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or pickle has: it reads its documents again."""
+        return {**self.__dict__, "_cache": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Begin with an empty cache."""
+        self.__dict__.update(state, _cache=DocumentCache())
 
     def scenario(self, name: str) -> Scenario:
         """Return the scenario that a client names.
