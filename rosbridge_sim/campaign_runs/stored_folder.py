@@ -15,12 +15,15 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from threading import Event, Thread
 from typing import Any, Final
+from urllib.parse import unquote
 
 from rosbridge_sim.campaign_runs.results_folder import SUMMARY_FILES, ResultsFolder
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import MAX_QUOTED, printable
 
 ADDRESS: Final = re.compile(r"[a-z][a-z0-9+.-]+://.+")
+
+_PASSWORD: Final = re.compile(r"(://[^/:@]*:)([^/]+)(?=@)")
 
 STORED_EVERY: Final = 60.0
 """Time between two looks for files that have changed [s]: a machine that is lost takes with it what it did since."""
@@ -33,7 +36,7 @@ def open_results(
     """Open a folder of results.
 
     Args:
-        place: a path, or an address of fsspec.
+        place: a path, or an address of fsspec. A password in it stays out of titles and errors.
         fetch: beginnings of names that are read beside the files with all results; None for everything.
         tell: called with a sentence whenever an address does not take files; None if nothing is written.
 
@@ -49,9 +52,9 @@ def open_results(
         try:
             stored.fetch(copy, fetch)
             with stored.storing(copy, tell) if tell is not None else contextlib.nullcontext():
-                yield ResultsFolder(copy, place)
+                yield ResultsFolder(copy, stored.title)
         except DocumentError as error:
-            raise DocumentError(str(error).replace(str(copy), place)) from None
+            raise DocumentError(str(error).replace(str(copy), stored.title)) from None
 
 
 @contextmanager
@@ -72,17 +75,21 @@ def temporary_folder() -> Iterator[str]:
 class _StoredFolder:
     """A folder at an address, by a file system of fsspec. Its back ends raise errors of many libraries.
 
+    Attributes:
+        title: the address without its password, for people and for reports.
+
     Raises:
         DocumentError: see `open_results`.
     """
 
     def __init__(self, address: str) -> None:
-        self._address = address
+        self.title = _PASSWORD.sub(r"\1***", address)
+        self._passwords = [found[2] for found in _PASSWORD.finditer(address)]
         self._sizes: dict[str, tuple[int, int]] = {}
         try:
             import fsspec  # noqa: PLC0415 - only for those who have it
         except ImportError:
-            raise DocumentError(f"{address}: needs fsspec: pip install fsspec, and s3fs for s3://") from None
+            raise DocumentError(f"{self.title}: needs fsspec: pip install fsspec, and s3fs for s3://") from None
         self._files: Any
         with self._errors_told("opened"):
             self._files, self._root = fsspec.url_to_fs(address.rstrip("/"))
@@ -92,8 +99,10 @@ class _StoredFolder:
         try:
             yield
         except Exception as error:  # noqa: BLE001 - of any back end
-            why = printable(str(error) or type(error).__name__, MAX_QUOTED)
-            raise DocumentError(f"{self._address}: cannot be {done}: {why}") from None
+            why = _PASSWORD.sub(r"\1***", str(error) or type(error).__name__)
+            for password in self._passwords:
+                why = why.replace(password, "***").replace(unquote(password), "***")
+            raise DocumentError(f"{self.title}: cannot be {done}: {printable(why, MAX_QUOTED)}") from None
 
     def fetch(self, copy: Path, wanted: Sequence[str] | None) -> None:
         """Copy what is there to the disk."""
@@ -112,6 +121,8 @@ class _StoredFolder:
     def storing(self, copy: Path, tell: Callable[[str], None]) -> Iterator[None]:
         """Store what changes in the copy, now and then and at the end.
 
+        At the end Ctrl-C gives up a store that does not answer; the results stay on the disk, as after an error.
+
         Raises:
             DocumentError: the address takes no files; if that is found at the end, it names a folder that has them.
         """
@@ -127,18 +138,21 @@ class _StoredFolder:
                 except DocumentError as error:
                     tell(f"{error}; it is tried again")
 
-        thread = Thread(target=store_now_and_then, name="stores results")
+        thread = Thread(target=store_now_and_then, name="stores results", daemon=True)
         thread.start()
         try:
             yield
         finally:
-            is_over.set()
-            thread.join()
             try:
+                is_over.set()
+                thread.join()
                 self._store(copy)
-            except DocumentError as error:
-                kept = shutil.copytree(copy, tempfile.mkdtemp(prefix="campaign-results-"), dirs_exist_ok=True)
-                raise DocumentError(f"{error}; the results are in {kept}") from None
+            except (DocumentError, KeyboardInterrupt) as error:
+                if not copy.exists():
+                    raise
+                kept = shutil.move(copy, tempfile.mkdtemp(prefix="campaign-results-"))  # needs no room on a full disk
+                what = str(error) or f"{self.title}: not all is stored"
+                raise DocumentError(f"{what}; the results are in {kept}") from None
 
     def _store(self, copy: Path) -> None:
         """Store the files that have changed; the rows of results last, so that each finds its files."""

@@ -89,6 +89,31 @@ def test_results_that_a_store_does_not_take_stay_on_the_disk(tmp_path: Path) -> 
     assert (kept / "results.jsonl").read_text() == "{}\n"
 
 
+def test_ctrl_c_while_results_are_stored_leaves_them_on_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    from fsspec.implementations.memory import MemoryFileSystem  # noqa: PLC0415 - of an extra
+
+    def hang(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with ExitStack() as stack:
+        folder = stack.enter_context(open_results("memory://night", tell=print))
+        folder.path.mkdir()
+        (folder.path / "results.jsonl").write_text("{}\n")
+        monkeypatch.setattr(MemoryFileSystem, "put_file", hang)
+        with pytest.raises(DocumentError, match="memory://night: not all is stored; the results are in ") as told:
+            stack.close()
+    assert (Path(str(told.value).rpartition(" ")[2]) / "results.jsonl").read_text() == "{}\n"
+
+
+def test_password_of_an_address_is_in_no_title_and_no_error(folder: CampaignFolder) -> None:
+    with open_results("memory://me:se%40cret:1@night") as opened:
+        assert opened.title == "memory://me:***@night"
+    refused = folder.command("list", "ftp://me:se%40cret@[")
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert "ftp://me:***@[: cannot be opened: " in refused.stderr
+    assert "cret" not in refused.stderr
+
+
 def test_names_in_a_store_do_not_leave_the_copy(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "evil.zip", "w") as file:
         file.writestr("campaign.json", "{}")

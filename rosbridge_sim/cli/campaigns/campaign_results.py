@@ -53,7 +53,7 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
         log = opened.path / place / "log.txt"
         text = log.read_text("utf-8", "replace") if log.is_file() else ""
     if result is None:
-        raise DocumentError(f"{folder}: there is no result of a run {number}")
+        raise DocumentError(f"{opened.title}: there is no result of a run {number}")
     if is_json:
         put_json(result.to_json())
         return 0
@@ -65,12 +65,12 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     put_table(("score", "value"), [(name, _number(value)) for name, value in result.scores.items()])
     put_lines(f"frames: {result.frames}\nstate: {result.state_hash or '-'}")
     for name in result.files:
-        put_lines(f"file: {folder.rstrip('/')}/{place.as_posix()}/{name}")
+        put_lines(f"file: {opened.title.rstrip('/')}/{place.as_posix()}/{name}")
     if result.retries:
         put_lines(f"driven again, because the worker was killed: {result.retries} times")
     if result.trouble:
         put_lines(result.trouble)
-    put_lines(f"repeat: rosbridge-sim campaign repeat {folder} {number}")
+    put_lines(f"repeat: rosbridge-sim campaign repeat {opened.title} {number}")
     if text:
         put_lines(f"\nthe driver's output:\n{text[-MAX_LOG_SHOWN:].rstrip()}")
     return 0
@@ -91,7 +91,7 @@ def report(folder: str) -> int:
     with open_results(folder, fetch=None, tell=note) as opened:
         job, name = read_text_of(opened.path)
         write_all(opened, open_job(job).campaign, opened.results(), name)
-    put_lines(f"{folder.rstrip('/')}/report.html")
+    put_lines(f"{opened.title.rstrip('/')}/report.html")
     return 0
 
 

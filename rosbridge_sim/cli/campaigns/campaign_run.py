@@ -125,11 +125,11 @@ def merge(folders: Sequence[str], output: str, *, is_json: bool) -> int:
             write_all(into, campaign, results, name)
         finally:
             into.close()
-    _put_counts(results, output, is_json=is_json)
+    _put_counts(results, into.title, is_json=is_json)
     missing = sorted({run.number for run in _planned(campaign)} - {result.run.number for result in results})
     if missing:
         told = f"{len(missing):,} runs have no result, the first is run {missing[0]}"
-        note(f"{told}; `campaign run FILE --resume --output {output}` drives them")
+        note(f"{told}; `campaign run FILE --resume --output {into.title}` drives them")
     return int(bool(missing) or any(each.verdict in BAD for each in results))
 
 
@@ -306,7 +306,7 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
         job, _ = read_text_of(there.path)
         before = next((each for each in there.results() if each.run.number == number), None)
     if before is None:
-        raise DocumentError(f"{folder}: there is no result of a run {number}")
+        raise DocumentError(f"{there.title}: there is no result of a run {number}")
     with temporary_folder() as work:
         again = Job(job.text, job.source, job.base, work)
         campaign = open_job(again).campaign
