@@ -28,6 +28,9 @@ from rosbridge_sim.schema.message_type import MessageType
 _STATUS: Final = f"{HIDDEN}status"
 _FEEDBACK: Final = f"{HIDDEN}feedback"
 
+MAX_TOLD: Final = 2_000
+"""Goals and messages after which a turn publishes no further status; about 5 ms. The next turn goes on."""
+
 
 class ActionTopics:
     """The topics of all actions of one bus; see `GoalTopics`."""
@@ -83,10 +86,14 @@ class ActionTopics:
 
     def advance(self, now: float) -> None:
         """See `GoalTopics`."""
-        changed, self._changed = self._changed, {}
-        for action in changed:
+        num_told = 0
+        while self._changed and num_told < MAX_TOLD:
+            action = next(iter(self._changed))
+            del self._changed[action]
             topic = self._status[action]
-            self._delivery.announce(action.owner, topic, self._describe(action, topic), now)
+            message = self._describe(action, topic)
+            num_told += 1 + len(message.value.status_list)
+            self._delivery.announce(action.owner, topic, message, now)
 
     def _advertise(self, action: Action, suffix: str, type_name: str, *, depth: int = 0) -> Topic | None:
         """Advertise a topic; tell the owner of the action if that is not possible."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from rosbridge_sim.graph.action_topics import MAX_TOLD
 from rosbridge_sim.graph.actions import ENDED_GOAL_MEMORY_NS, MAX_ENDED
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
@@ -108,6 +109,40 @@ def test_thousand_goals_that_end_at_once_are_one_message() -> None:
     assert len(action.turn()) == 1
     action.caller.peer.leave(0.0)
     assert action.turn() == [[CANCELED] * MAX_ENDED]
+
+
+def test_goals_of_many_actions_that_end_at_once_are_told_in_turns() -> None:
+    action = Action()
+    names = [f"/many/{number}" for number in range(30)]
+    for name in names:
+        action.provider.says(op="advertise_action", action=name, type=FIBONACCI)
+        action.listen(f"{name}/_action/status")
+        for _ in range(MAX_ENDED):
+            Wire(action.bus).says(op="send_action_goal", action=name, args={"order": 1}, id=UUID)
+    action.bus.expire(0.0)
+    told = [frame["topic"] for frame in action.listener.hears()]
+    assert 0 < len(told) <= MAX_TOLD / MAX_ENDED
+    action.bus.expire(0.0)
+    told += [frame["topic"] for frame in action.listener.hears()]
+    assert told == [f"{name}/_action/status" for name in names]
+    assert action.bus.next_deadline() != 0.0
+
+
+def test_listener_that_ends_an_action_meets_no_trouble() -> None:
+    action = Action()
+    action.provider.says(op="advertise_action", action="/other", type=FIBONACCI)
+    other = "/other"
+
+    def end(*_: object) -> None:
+        action.bus.actions.withdraw(action.provider.peer, other)
+
+    action.bus.subscribe(action.listener.peer, STATUS, end)
+    action.listen("/other/_action/status")
+    action.send()
+    action.caller.says(op="send_action_goal", action=other, args={"order": 1}, id="g")
+    action.bus.expire(0.0)
+    assert other not in action.bus.actions.by_name
+    assert action.listener.hears() == []
 
 
 def test_feedback_reaches_subscribers_with_the_id_of_its_goal_though_the_caller_wants_none() -> None:
