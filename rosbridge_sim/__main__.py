@@ -128,7 +128,7 @@ _ABSENT = {
     **dict.fromkeys(("run", "launch", "rosrun", "roslaunch"), _STARTS),
     **dict.fromkeys(("roscore", "rosmaster", "daemon"), "none is needed; rosbridge-sim serve is the server"),
     **dict.fromkeys(("lifecycle", "component"), _REACHES_NOT),
-    **dict.fromkeys(("doctor", "roswtf"), "rosbridge-sim wait looks for a rosbridge, and ros2 check at nodes of ROS 2"),
+    **dict.fromkeys(("doctor", "roswtf"), "wait looks for a rosbridge; ros2 check tells why ROS 2 nodes see none"),
     **dict.fromkeys(("pkg", "rospack"), "packages have only types here; rosbridge-sim interface packages lists them"),
 }
 """Tool of ROS that has no meaning here -> the reason, and what does its work."""

@@ -34,7 +34,7 @@ CAMPAIGN: Final = "campaign.toml"
 ABOUT: Final = "campaign.json"
 RESULTS: Final = "results.jsonl"
 SUMMARY_FILES: Final = (CAMPAIGN, ABOUT, RESULTS)
-"""Files that say what was driven and how it ended."""
+"""Files with the campaign and the results of its runs."""
 
 LOCK: Final = ".lock"
 
@@ -46,10 +46,10 @@ class ResultsFolder:
     """Results of a campaign on the disk.
 
     Attributes:
-        title: what the user calls the folder.
+        title: name of the folder in messages.
 
     Args:
-        title: None if that is the path.
+        title: name of the folder in messages; None for the path.
     """
 
     def __init__(self, path: Path, title: str | None = None) -> None:

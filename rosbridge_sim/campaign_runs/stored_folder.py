@@ -1,7 +1,7 @@
 """Folders of results by their path, or at an address of fsspec, such as `s3://bucket/night`.
 
-Object stores append to no file. So commands work on a copy on this machine's disk; what has changed there is stored
-every minute and at the end. Two machines that write to one address are not noticed.
+Object stores cannot append to a file. So commands work on a copy on this machine's disk. Changed files are stored every
+minute and at the end. Two machines that write to one address are not noticed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ ADDRESS: Final = re.compile(r"[a-z][a-z0-9+.-]+://.+")
 _PASSWORD: Final = re.compile(r"(://[^/:@]*:)([^/]+)(?=@)")
 
 STORED_EVERY: Final = 60.0
-"""Time between two looks for files that have changed [s]: a machine that is lost takes with it what it did since."""
+"""Interval between two searches for changed files [s]. A machine that is lost loses the results of one interval."""
 
 
 @contextmanager
@@ -37,8 +37,8 @@ def open_results(
 
     Args:
         place: a path, or an address of fsspec. A password in it stays out of titles and errors.
-        fetch: beginnings of names that are read beside the files with all results; None for everything.
-        tell: called with a sentence whenever an address does not take files; None if nothing is written.
+        fetch: prefixes of names of files to read, beside those with all results; None reads all files.
+        tell: called with a sentence each time that storing fails; None if nothing is to be stored.
 
     Raises:
         DocumentError: fsspec or its back end is missing, or the address cannot be read or written.
@@ -59,7 +59,7 @@ def open_results(
 
 @contextmanager
 def temporary_folder() -> Iterator[str]:
-    """Make a folder that is gone afterwards.
+    """Create a temporary folder, and delete it at the end.
 
     Raises:
         DocumentError: no folder for temporary files can be written.
@@ -87,7 +87,7 @@ class _StoredFolder:
         self._passwords = [found[2] for found in _PASSWORD.finditer(address)]
         self._sizes: dict[str, tuple[int, int]] = {}
         try:
-            import fsspec  # noqa: PLC0415 - only for those who have it
+            import fsspec  # noqa: PLC0415 - an optional library
         except ImportError:
             raise DocumentError(f"{self.title}: needs fsspec: pip install fsspec, and s3fs for s3://") from None
         self._files: Any
@@ -98,7 +98,7 @@ class _StoredFolder:
     def _errors_told(self, done: str) -> Iterator[None]:
         try:
             yield
-        except Exception as error:  # noqa: BLE001 - of any back end
+        except Exception as error:  # noqa: BLE001 - back ends raise any error
             why = _PASSWORD.sub(r"\1***", str(error) or type(error).__name__)
             for password in self._passwords:
                 why = why.replace(password, "***").replace(unquote(password), "***")
@@ -119,14 +119,14 @@ class _StoredFolder:
 
     @contextmanager
     def storing(self, copy: Path, tell: Callable[[str], None]) -> Iterator[None]:
-        """Store what changes in the copy, now and then and at the end.
+        """Store changed files of the copy, at intervals and at the end.
 
         At the end Ctrl-C gives up a store that does not answer; the results stay on the disk, as after an error.
 
         Raises:
             DocumentError: the address takes no files; if that is found at the end, it names a folder that has them.
         """
-        with self._errors_told("written"), tempfile.NamedTemporaryFile() as empty:  # before hours of driving
+        with self._errors_told("written"), tempfile.NamedTemporaryFile() as empty:  # fail before hours of driving
             self._put(Path(empty.name), f"{self._root}/.probe")
             self._files.rm_file(f"{self._root}/.probe")
         is_over = Event()

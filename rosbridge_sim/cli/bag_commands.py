@@ -38,7 +38,7 @@ def run_bag(argv: Sequence[str]) -> int:
     parser.add_argument("file", metavar="FILE", help=_BAG)
     add_json(parser)
 
-    _add_play(add("play", _play, "publish the messages of a bag at their times; what the server owns is left out"))
+    _add_play(add("play", _play, "publish the messages of a bag at their times; leave out topics of the server"))
     _add_record(add("record", _record, "record topics of a rosbridge into a bag, until Ctrl-C"), "TOPIC")
 
     for name in ("repair", "reindex"):
@@ -71,14 +71,15 @@ def _repair(options: Options) -> int:
 
 def _add_play(parser: Parser) -> None:
     parser.add_argument("file", metavar="FILE", help=_BAG)
-    parser.add_argument("-r", "--rate", type=_speed, default=1.0, metavar="FACTOR", help="play so much faster [1]")
+    text = "play at FACTOR times the recorded speed [1]"
+    parser.add_argument("-r", "--rate", type=_speed, default=1.0, metavar="FACTOR", help=text)
     parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end, until Ctrl-C")
     text = "leave out the first SECONDS"
     parser.add_argument("-s", "--start", "--start-offset", type=SECONDS, default=0.0, metavar="SECONDS", help=text)
     text = "end after so many seconds of the bag"
     parser.add_argument("-u", "--duration", type=SECONDS, default=1e9, metavar="SECONDS", help=text)
     parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics [all]")
-    text = "publish under other names"
+    text = "publish the topic OLD under the name NEW"
     parser.add_argument("-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW", help=text)
     add_without_effect(parser, {"--clock": ("?", "/clock of the bag is played if the server has none of its own")})
     add_bridge(parser)

@@ -134,7 +134,7 @@ def _add_pub(parser: Parser) -> None:
         help="wait until so many nodes subscribe; rosapi counts all clients of a rosbridge as one node [0]",
     )
     parser.add_argument(
-        "--max-wait-time-secs", type=SECONDS, default=math.inf, metavar="SECONDS", help="longest such wait [for ever]"
+        "--max-wait-time-secs", type=SECONDS, default=math.inf, metavar="SECONDS", help="longest wait for it [for ever]"
     )
     parser.add_argument(
         "-l",
@@ -147,7 +147,7 @@ def _add_pub(parser: Parser) -> None:
 
 
 def _add_type(parser: Parser) -> None:
-    text = "of a topic that is not there yet"
+    text = "type of a topic that does not exist yet"
     parser.add_argument("type", metavar="TYPE", nargs="?", help=text)
     parser.add_argument("--type", dest="other_type", metavar="TYPE", help="the same")
 
@@ -271,7 +271,7 @@ def _call(options: Options) -> int:
     )
 
 
-# watch
+# layout, wait
 
 
 def run_layout(argv: Sequence[str]) -> int:

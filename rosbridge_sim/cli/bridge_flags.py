@@ -104,7 +104,7 @@ def take_type(words: list[str]) -> str:
 
 
 class _WithoutEffect(argparse.Action):
-    """A flag that is accepted, and says why it does nothing."""
+    """An accepted flag without an effect, which prints the reason."""
 
     def __call__(self, _parser: object, _options: object, _values: object, flag: str | None = None) -> None:
         note(f"{flag} has no effect: {self.const}")

@@ -59,7 +59,7 @@ def run_param(argv: Sequence[str]) -> int:
         lambda bridge, o: param.list_parameters(bridge, o.inner, is_json=o.json),
         "list all parameters",
     )
-    parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="only those of it")
+    parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="of this one alone [all]")
 
     def get(bridge: Bridge, o: Options) -> Awaitable[int]:
         return param.get(bridge, o.words, is_bare=o.hide_type, is_json=o.json)
@@ -89,7 +89,7 @@ def run_param(argv: Sequence[str]) -> int:
     )
     parser.add_argument("names", metavar="NAME", nargs="+")
     parser = row("dump", lambda bridge, o: param.dump(bridge, o.inner, is_json=o.json), "print all values as YAML")
-    parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="only those of it")
+    parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="of this one alone [all]")
     return run_command(group, argv)
 
 

@@ -41,7 +41,7 @@ class EgoCameras:
         self._mesh = static_mesh(found.road_map, found.name, 0)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what a copy or pickle is made from: it draws by a renderer of its own."""
+        """Return the arguments for a copy or pickle, which gets a renderer of its own."""
         return EgoCameras, (self._worlds, self._model.width, self._model.height)
 
     def draw(self) -> npt.NDArray[Any]:

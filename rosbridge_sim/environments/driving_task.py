@@ -15,7 +15,7 @@ from rosbridge_sim.suggestions import hint
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 EPISODE_STEPS: Final = 400
-"""Steps until an episode is truncated, where nothing else is said: 40 s, with `frame_skip` 5."""
+"""Default number of steps after which an episode is truncated: 40 s with `frame_skip` 5."""
 
 CLEAR: Final = 25.0
 """Nothing else is within this distance of an ego that begins on `start_lane` [m]."""

@@ -74,7 +74,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         self._is_done = np.zeros(num_envs, dtype=bool)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or pickle has; it opens a page of its own."""
+        """Return the state for a copy or pickle, without the page: a copy opens its own."""
         return {**self.__dict__, "_view": None}
 
     def _make_worlds(self, num: int) -> SteppedWorlds:

@@ -17,7 +17,7 @@ TASKS: Final[dict[str, DrivingTask]] = {
         "loop",
         observation="Lane",
         target_speed=15.0,
-        # Anywhere on the lap: the first 600 m of the scenario are straight, and need no eyes.
+        # Start anywhere on the lap: the first 600 m of the scenario are straight, so a driver need not see the lane.
         start_lane="L?_*",
         start_s=None,
     ),
@@ -26,7 +26,7 @@ TASKS: Final[dict[str, DrivingTask]] = {
         traffic=20,
         observation="Kinematics",
         target_speed=30.0,
-        # Among the traffic: from a stand on a free lane, a driver that sees nobody met nobody in 40 s.
+        # Start in the traffic: from a stop on a free lane, a driver that ignores other vehicles met none in 40 s.
         start_lane="L[123]_*",
         start_s=None,
         start_speed=25.0,
@@ -72,7 +72,7 @@ TASKS: Final[dict[str, DrivingTask]] = {
         goal="bay",
         goal_lane="B[AB]*",
         max_distance=60.0,
-        # 600 steps cost less than a failure, so that none ends its costs early.
+        # 600 steps cost less than a failure, so that it never pays to end an episode by a crash.
         weights={"speed": 0.0, "offset": 0.0, "steering": 0.0, "goal": 0.02, "arrived": 10.0},
     ),
     "rosbridge_sim/Drive-v0": DrivingTask("town", observation="Kinematics", target_speed=12.0),

@@ -28,7 +28,7 @@ NEAR_MISS: Final = 1.5
 """Least time to collision that is no near miss [s]: the bound for serious conflicts in studies since Hayward (1972)."""
 
 STANDING: Final = 0.5
-"""A slower ego has no near misses [m/s]: that others come near is not its doing."""
+"""Least speed for a near miss [m/s]: an ego that stands does not cause one."""
 
 
 def judge(
@@ -114,7 +114,7 @@ def goal_cost(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> FloatArray:
 
 
 def distance_to_goal(achieved: npt.ArrayLike, desired: npt.ArrayLike) -> FloatArray:
-    """Return how far the middle of the body is from that of the bay, (...,) [m]; arguments as for `goal_cost`."""
+    """Return the distance from the middle of the body to that of the bay, (...,) [m]; arguments as for `goal_cost`."""
     apart = _apart(achieved, desired)
     return np.asarray(GOAL_FIGURES["x"] * np.hypot(apart[..., 0], apart[..., 1]))
 

@@ -77,7 +77,7 @@ class _Methods:
         base.__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what a copy or pickle is made from: the class is made anew, so pickle does not find it by its name."""
+        """Return the arguments for a copy or pickle: a class that is made at run time cannot be found by its name."""
         return _adapt, (self.envs,), self.__dict__
 
     def reset(self) -> Seen:

@@ -45,7 +45,7 @@ class Starts:
 
     @property
     def _map(self) -> World:
-        """A world, for its roads; no attribute, since a copy of the environment has its own."""
+        """The first world, for its roads; looked up each time, because a copy of the environment has other worlds."""
         return self._worlds.world(0)
 
     def begin(self, number: int, rng: np.random.Generator) -> None:

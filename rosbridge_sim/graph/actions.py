@@ -109,7 +109,7 @@ class EndedGoals(Generic[G]):
 
 @dataclass(frozen=True, slots=True)
 class EndedGoal:
-    """What is remembered of an ended goal; `uuid` and `stamp_ns` are those of the `Goal`."""
+    """Record of an ended goal; `uuid` and `stamp_ns` are those of the `Goal`."""
 
     uuid: bytes
     stamp_ns: int
@@ -510,7 +510,7 @@ class Actions:
             )
 
     def _note_change(self, action: Action) -> None:
-        """Have subscribers told that the status of a goal has changed."""
+        """Announce to subscribers that the status of a goal has changed."""
         action.has_had_goals = True
         if self.topics is not None:
             self.topics.note_change(action)

@@ -33,7 +33,7 @@ class Bus(BusState):
     Attributes:
         delivery: delivers messages and counts them.
         topics: all topics by absolute name; read only.
-        topic_table: what is seldom done with them.
+        topic_table: rare operations on topics.
         services: all services by absolute name; read only.
         parameters: the parameter server.
         unpublished: subscriptions to topics without a publisher.

@@ -26,13 +26,13 @@ def earliest(one: float | None, other: float | None) -> float | None:
 
 
 class Agenda:
-    """What must be looked at in a process, so that not every part is asked after each op when it is due next.
+    """Due times of the parts of a process, so that the scheduler need not ask each part after each op.
 
     Attributes:
-        first: no part that announces its times is due earlier [s]. It may be too early, because what is over is not
-            taken back: then the parts are asked once more, and have nothing to do.
-        is_touched: something was done since the scheduler asked the other parts. A message from client to client is no
-            such thing.
+        first: earliest due time that a part has announced [s]. Announcements are never withdrawn, so it may be too
+            early: then the scheduler asks the parts once in vain.
+        is_touched: an op has changed something since the scheduler asked the other parts. A message from client to
+            client changes nothing.
     """
 
     __slots__ = ("first", "is_touched")
@@ -65,7 +65,7 @@ class BusState:
         store: the types.
         time_ns: simulation time if there is a world, else the time of day [ns]; used by bags and rates.
         stamp_ns: time for stamps that a message leaves open [ns]: `time_ns`, or the time of day if that was chosen.
-        agenda: when the parts have something to do.
+        agenda: due times of the parts.
         guard: limits the effect of internal errors.
         total: memory account of all owners together.
         accounts: accounts of owners with a limit, by owner.

@@ -109,7 +109,7 @@ class CameraModel:
         distortion: k1, k2, p1, p2, k3 of the plumb-bob model, as OpenCV and `sensor_msgs/CameraInfo` have them.
 
         max_fov_deg, num_coefficients: bounds of these.
-        is_plane: a plane can show all that it sees.
+        is_plane: its whole field of view fits a plane picture.
 
     Raises:
         ValueError: a size or an angle is out of bounds.
@@ -214,7 +214,7 @@ class CameraModel:
         return np.asarray(flat * self.focal + np.array(self.center))
 
     def depths(self, points: FloatArray) -> FloatArray:
-        """Return what a picture of depth has of points (..., 3) in the camera's axes: along the optical axis [m]."""
+        """Return the depths of points (..., 3) in the camera's axes: distances along the optical axis [m]."""
         return np.asarray(points[..., 0])
 
 
@@ -276,7 +276,7 @@ class FisheyeModel(CameraModel):
         return np.asarray(np.stack([-y * away, -z * away], axis=-1) * self.focal + np.array(self.center))
 
     def depths(self, points: FloatArray) -> FloatArray:
-        """Return what a picture of depth has of points (..., 3) in the camera's axes: distances from the camera [m]."""
+        """Return the depths of points (..., 3) in the camera's axes: distances from the camera [m]."""
         return np.asarray(np.linalg.norm(points, axis=-1))
 
 

@@ -36,10 +36,10 @@ from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 NAME: Final = "robot_description"
 
 SENSOR_SIZE: Final = 0.08
-"""Edge of the cube that stands for a sensor [m]: to be seen, and no larger than a camera."""
+"""Edge of the cube that represents a sensor [m]: visible, and no larger than a camera."""
 
 _UNUSED_LIMITS: Final = 'effort="1000" velocity="1"'
-"""Limits that a `revolute` joint must have, and that nobody uses here [N m, rad/s]."""
+"""Limits that URDF requires of a `revolute` joint; nothing uses them here [N m, rad/s]."""
 
 _MATERIALS: Final = tuple(
     f'  <material name="{name}"><color rgba="{rgba}"/></material>'
@@ -67,7 +67,7 @@ def find_wheels(world: World, ego: Ego) -> list[Wheel]:
 
 
 class RobotDescription(Component):
-    """Component of the descriptions, one for each ego. What it says follows from the egos, so it has no state."""
+    """Component of the descriptions, one for each ego. The texts derive from the egos, so it has no state."""
 
     def __init__(self, context: SimulatorContext) -> None:
         """Describe nothing before the frames of the egos are announced."""
@@ -149,7 +149,7 @@ def _joined(parent: str, name: str, at: Mounting, shapes: str, *, max_steer: flo
 
 
 def _shape(kind: str, geometry: str, at: Mounting, material: str = "") -> str:
-    """Return what is seen of a link, or what it touches with."""
+    """Return the visual or the collision element of a link."""
     painted = f'<material name="{material}"/>' if material else ""
     return f"<{kind}>{_origin(at)}<geometry>{geometry}</geometry>{painted}</{kind}>"
 
@@ -165,6 +165,6 @@ def _origin(at: Mounting) -> str:
 
 def _clean(name: str) -> str:
     """Return a name as XML has it in quotes, without what XML cannot have; a snapshot may name sensors in any way."""
-    from html import escape  # noqa: PLC0415 - its table of 2,000 names is for the first reader of a description
+    from html import escape  # noqa: PLC0415 - a table of 2,000 names, imported for the first description
 
     return escape(_NOT_IN_XML.sub("_", name))

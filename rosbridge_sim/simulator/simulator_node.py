@@ -64,7 +64,7 @@ class NodeSettings(Record):
         rain_friction: friction of the ground in rain, relative to a dry one; 0 for rain that changes none.
         is_dressed: they see buildings, trees and posts beside the roads.
         standard_topics: publish and take standard messages of ROS beside MORAI's.
-        tf_frames: what is above `base_link` on `/tf`.
+        tf_frames: frames above `base_link` on `/tf`.
         cmd_vel: type of `/cmd_vel`.
         command_deadline: in real time each frame waits so long for a command [s]; None for no wait.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the

@@ -1,4 +1,4 @@
-"""Lanes that a drive comes to behind the end of its first one, for goals."""
+"""Lanes that a drive reaches after the end of its first lane, for goals."""
 
 from __future__ import annotations
 

@@ -124,12 +124,12 @@ class Worlds(SteppedWorlds):
         self._set.settle()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
-        """Return worlds that go on as these do, to the bit. They share the library with its maps."""
+        """Return a copy that continues as these worlds do, to the bit. It shares the library with its maps."""
         del memo
         return self._go_on(self._options, self._names, self.seeds, self.save())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Return what pickle keeps: scenarios, states and the places of the library. Maps are read again."""
+        """Return the arguments for a pickle: scenarios, states and the places of the library. Maps are read again."""
         states = [(to_plain(each.world), each.next_uid, each.traffic) for each in self.save()]
         return self._go_on, (self._options, self._names, self.seeds, states)
 

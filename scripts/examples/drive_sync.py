@@ -354,9 +354,9 @@ def main() -> int:
     parser.add_argument("--port", type=int, default=9090)
     parser.add_argument("--path", type=Path, required=True, help="a file of `x y z` lines [m], in the map's frame")
     parser.add_argument("--from-car", action="store_true", help="the path is relative to where the car stands")
-    parser.add_argument("--speed-kmh", type=float, default=32.0, help="what to drive at [km/h] (%(default)s)")
+    parser.add_argument("--speed-kmh", type=float, default=32.0, help="target speed [km/h] (%(default)s)")
     parser.add_argument("--step-ms", type=int, default=20, help="one tick [ms], a multiple of 20 (%(default)s)")
-    parser.add_argument("--user-id", default="drive_sync", help="who we are as the master (%(default)s)")
+    parser.add_argument("--user-id", default="drive_sync", help="name of this program as the master (%(default)s)")
     args = parser.parse_args()
 
     try:

@@ -1,4 +1,4 @@
-"""`bag info`: what is in a bag."""
+"""`bag info`: duration, size and topics of a bag."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """What is played.
+    """Selection of messages to play.
 
     Attributes:
         topics: names in the bag; empty means all.
@@ -67,7 +67,7 @@ async def play(
         player = _Player(bridge, types, selection, target)
         chosen = [one for one in bag.connections if not selection.topics or one.topic in selection.topics]
         await player.advertise(chosen)
-        note(f"playing {len(player.decoders)} topics of {name}; Ctrl-C ends it")
+        note(f"playing {name}, {len(player.decoders)} of {len({one.topic for one in chosen})} topics; Ctrl-C ends it")
         while True:
             begin = bridge.now() - selection.start / rate
             for connection, stamp_ns, raw in read_messages(bag, chosen, path):

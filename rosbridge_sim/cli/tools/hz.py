@@ -131,7 +131,7 @@ class Meter(ABC, Generic[Report]):
         """Return the statistics of at least two messages."""
 
     async def prepare(self, listener: Listener) -> None:
-        """Get what is needed beside the messages."""
+        """Prepare the measurement before the first message."""
 
     def value_of(self, _msg: Frame, _listener: Listener) -> float | None:
         """Return a message's value; None if it does not count."""
@@ -165,10 +165,10 @@ class Bandwidths(Meter[Bandwidth]):
 
 
 class Delays(Meter[Delay]):
-    """Differences between the time of an arrival and the stamp in the header, both in the time that stamps have.
+    """Delays: time of the arrival minus the stamp in the header.
 
-    That is the time of the server's clock: simulated time, unless the server stamps with the time of day. It is as old
-    as the last message on `/clock`. A server without a clock is compared with the time of day here.
+    The time of the arrival is the last message on the server's `/clock`: simulated time, or with `--stamps wall` the
+    time of day. If the server has no `/clock`, it is the time of day of this machine.
     """
 
     fields = ("mean", "min", "max", "std_dev", "window")
@@ -178,7 +178,7 @@ class Delays(Meter[Delay]):
         return Delay(mean, min(values), max(values), deviation, len(values))
 
     async def prepare(self, listener: Listener) -> None:
-        """Subscribe to the clock, and say what is compared."""
+        """Subscribe to the clock, and print the definition of the delay."""
         clock = await listener.watch_clock()
         self._has_clock = clock is not None
         if clock is None:
@@ -186,8 +186,7 @@ class Delays(Meter[Delay]):
                 "delay = the time of day here - header.stamp: there is no /clock, so the clocks of both machines count"
             )
         else:
-            text = "both in the time of the stamps: it is the age of the content, without the transport"
-            note(f"delay = {clock} - header.stamp, {text}")
+            note(f"delay = {clock} - header.stamp: the age of the content, without the time of the transport")
 
     def value_of(self, msg: Frame, listener: Listener) -> float | None:
         """Return a message's delay [s]; None before the first message of the clock.
@@ -209,7 +208,7 @@ def _mean(values: Sequence[float]) -> tuple[float, float]:
 
 
 METERS: Final[dict[str, Callable[[int], Meter[Any]]]] = {"hz": Rates, "bw": Bandwidths, "delay": Delays}
-"""What a command measures."""
+"""Name of the command -> its meter."""
 
 
 async def measure(

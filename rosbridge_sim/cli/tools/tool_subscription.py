@@ -18,7 +18,7 @@ CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
 
 
 class NoTopicError(RefusedError):
-    """The server has no such topic."""
+    """Error: the server has no such topic."""
 
 
 class Listener:

@@ -153,7 +153,7 @@ class Peer(PeerBase):
     def _carry_out(self, op: ops.Op, act: _Act, now: float) -> None:
         self.op_id = op.id
         self.op = op
-        if type(op) is not ops.Publish:  # what takes messages notes it itself
+        if type(op) is not ops.Publish:  # a message touches the agenda only if the simulator takes it
             self.bus.agenda.is_touched = True
         try:
             act(op, now)

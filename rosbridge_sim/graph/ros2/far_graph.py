@@ -41,7 +41,7 @@ class FarNode(Protocol):
 
         Args:
             quality: what is offered.
-            is_sole: other nodes are told that nobody else may publish there.
+            is_sole: its user data tells other nodes that it must be the only publisher of its topic.
 
         Raises:
             GraphError: the library refuses it.

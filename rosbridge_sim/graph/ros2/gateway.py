@@ -64,11 +64,11 @@ _log = logging.getLogger("rosbridge_sim.ros2")
 
 @dataclass(slots=True)
 class _Untold:
-    """A topic of an endpoint that does not pass, which the log does not tell yet.
+    """A topic of an endpoint that does not pass, and is not logged yet.
 
     Attributes:
         why: the reason.
-        kind: equal for the topics of a program that one line may tell.
+        kind: equal for topics of a program that share a log line.
     """
 
     endpoint: Endpoint
@@ -502,7 +502,7 @@ class Ros2Gateway:
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _tell_of(self, endpoint: Endpoint, why: str, kind: object = None, level: int = logging.WARNING) -> None:
-        """Have the log tell why a topic of another program does not pass, when the name of its node is known.
+        """Log why a topic of another program does not pass, as soon as the name of its node is known.
 
         Args:
             kind: see `_Untold`; None for topics with the same reason.
@@ -512,7 +512,7 @@ class Ros2Gateway:
             self._tell_soon(self._now)
 
     def _name_untold(self, key: str, named: Endpoint | None, now: float) -> None:
-        """Take the name of an endpoint's node; None if it is gone and will tell no name."""
+        """Take the name of an endpoint's node; None if the endpoint has left before its name was known."""
         untold = self._untold.get(key)
         if untold is not None:
             untold.endpoint = named or replace(untold.endpoint, is_named=True)

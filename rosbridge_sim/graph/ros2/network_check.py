@@ -15,14 +15,14 @@ from rosbridge_sim.graph.ros2.ros2_names import name_some, node_text
 from rosbridge_sim.records import Record
 
 Discovery = Literal["localhost", "multicast"]
-"""Where a program looks for others; see `--ros2-discovery`."""
+"""Range in which a program looks for others; see `--ros2-discovery`."""
 
 MAX_DOMAIN: Final = 232
 MAX_SHOWN: Final = 20
 """Most topics that are named for one step."""
 
 ONE_TOO_MANY: Final = "give a second simulator another --ros2-domain, or a --ros2-namespace; end or rename any other"
-"""What to do about two publishers of what only one may publish."""
+"""Advice if two programs publish the same topic or frame, which may have one publisher only."""
 
 _OVERRIDES: Final = (
     "CYCLONEDDS_URI",
@@ -46,7 +46,7 @@ class SeenEndpoint(Record):
         hash: hash of the type; empty before Iron.
         node: full name of its node; empty if it has told none.
         program: GUID of its program, see `guid_text`.
-        is_sole: it is a server's, and nobody else may publish there.
+        is_sole: it belongs to a server, and must be the only publisher of its topic.
     """
 
     topic: str
@@ -60,7 +60,7 @@ class SeenEndpoint(Record):
 
     @property
     def shown(self) -> str:
-        """Its node, as a person is told of it."""
+        """Text for its node in messages to the user."""
         return node_text(self.node, self.program)
 
 

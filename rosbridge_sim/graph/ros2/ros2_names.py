@@ -73,7 +73,7 @@ def guid_text(participant: bytes) -> str:
 
 
 def node_text(node: str, program: str) -> str:
-    """Return how a person is told of a node, also of one without a name: its name, and the GUID of its program."""
+    """Return the text for a node in messages: its name, if it is known, and the GUID of its program."""
     known = f"GUID {program}" if program else ""
     return f"{node} ({known})" if node and known else node or (f"a program ({known})" if known else "a program there")
 

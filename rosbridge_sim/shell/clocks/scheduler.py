@@ -1,10 +1,10 @@
 """The scheduler of a running simulator: one timer for the next event.
 
-Events are the world's next frame, the bus's next time-out, and the turns of other parts. After each op of a client but
-a message for other clients the next event is computed again, because it may have changed. The bus and some clocks
-announce their times in the bus's `Agenda`, so they are asked when one of these has come; the others are asked each
-time. One pass of the loop has one turn with work at most: the sockets are looked at between two of them, even where the
-timer, a client's frame and the last turn ask for one at once.
+Events are the world's next frame, the bus's next time-out, and the turns of other parts. The next event is computed
+again after each op of a client, except a message for other clients, because it may have changed. The bus and some
+clocks announce their times in the bus's `Agenda`, so they are asked when one of these has come; the others are asked
+each time. One pass of the loop has one turn with work at most: the sockets are looked at between two of them, even
+where the timer, a client's frame and the last turn ask for one at once.
 An internal error in the world ends the simulator, because a world that stands still and answers is worse than none. The
 error is logged with its traceback, and `failure` gets it.
 """
@@ -101,7 +101,7 @@ class Scheduler:
         self._clocks += (clock,)
 
     def look(self) -> None:
-        """Ask everything for the next event in the next turn of the loop, once for all changes in this turn."""
+        """Ask all clocks for the next event in the next turn of the loop, once for all changes in this turn."""
         self._agenda.first = -math.inf
         self._look_soon()
 

@@ -104,7 +104,7 @@ class PlaneView:
 
 
 class Lens:
-    """The way from plane pictures to one of a camera with a lens that bends lines.
+    """Composition of a picture through a lens that bends lines, from plane pictures.
 
     Args:
         camera: its lens bends lines.

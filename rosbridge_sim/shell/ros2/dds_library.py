@@ -341,7 +341,7 @@ class DdsReader(_Entity):
         return None if taken is None else taken[0]
 
     def take_from(self) -> tuple[bytes, bytes] | None:
-        """Return what `take` does, with the identity of the publisher: 16 bytes, or none if it has left."""
+        """Return the result of `take`, and the identity of the publisher: 16 bytes; empty if it has left."""
         taken = self._take_one()
         if taken is None:
             return None

@@ -62,7 +62,7 @@ def look_at_domain(domain: int, distro: Distro, patience: float) -> SeenGraph:
 
 
 class _Visit:
-    """A program of ours in a domain, for some seconds."""
+    """A participant of `ros2 check` in a domain, for some seconds."""
 
     def __init__(self, domain: int, place: Discovery, distro: Distro) -> None:
         self._where = domain, place
@@ -76,7 +76,7 @@ class _Visit:
         self._read_frames: Callable[[bytes], Any]  # a struct that rosbags has made
 
     def look(self, patience: float) -> SeenGraph:
-        """Return all that is seen; nothing if no server was found. The visit ends."""
+        """Leave the domain, and return all findings; empty if no server was found."""
         opened = self._opened
         try:
             data_type = self._types.make(*discovery_type(self._distro))
@@ -105,7 +105,7 @@ class _Visit:
         return self._seen(server)
 
     def _follow_frames(self, namespace: str) -> None:
-        """Subscribe to the frames of a server; only what is published from now on is there of `/tf`."""
+        """Subscribe to the frames of a server. Transforms that `/tf` had before are not seen."""
         from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - a tenth of a second, if a server is there
 
         store = get_typestore(Stores.ROS2_JAZZY)

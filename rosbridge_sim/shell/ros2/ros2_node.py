@@ -32,7 +32,7 @@ NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
 
 SOLE: Final = b"sole=1;"
-"""User data of a publisher that shall be the only one of its topic, for `ros2 check`. ROS 2 skips keys that it does not
+"""User data of a publisher that must be the only one of its topic, for `ros2 check`. ROS 2 skips keys that it does not
 know. Source: rmw/impl/cpp/key_value.hpp."""
 
 BYTES_PER_TURN: Final = 32 * 1024

@@ -27,7 +27,7 @@ from rosbridge_sim.world.state.world import Gear, Mode, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 GHOST_JUMP: Final = 10.0
-"""A ghost that is placed further from its last place has jumped [m]: no car goes so far between two commands."""
+"""Least distance between two placements of a ghost that is a jump [m]: no car drives so far between two commands."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -123,19 +123,19 @@ class Ego:
 
     @property
     def pose(self) -> Origin:
-        """Where it is in the map: x, y, z [m] and yaw [rad]."""
+        """Pose in the map: x, y, z [m] and yaw [rad]."""
         world, row = self._world, self.row
         return world.x.item(row), world.y.item(row), world.z.item(row), world.yaw.item(row)
 
     def start_odometry(self) -> None:
-        """Be at zero in `odom` now."""
+        """Move `odom` to the present pose, so that the ego is at zero in it."""
         self.odom_origin = self.pose
 
     def keep_odometry(self, before: Origin) -> None:
-        """Be in `odom` where it was before a jump.
+        """Move `odom` in the map, so that the pose in `odom` stays the same over a jump.
 
         Args:
-            before: its pose before the jump.
+            before: pose in the map before the jump.
         """
         self.odom_origin = move_origin(self.odom_origin, before, self.pose)
 
@@ -266,7 +266,7 @@ class Ego:
         self.forget_status()
 
     def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
-        """Place it: a jump for its odometry, but for a ghost that goes on."""
+        """Place the ego, which is a jump for its odometry; a ghost that moves less than `GHOST_JUMP` does not jump."""
         before, was_ghost = self.pose, self._world.is_ghost.item(self.row)
         place = placement.place_ghost if is_ghost else placement.teleport
         place(

@@ -1,7 +1,7 @@
-"""The frame `odom` of REP 105: where an ego seems to be for an odometry without drift.
+"""The frame `odom` of REP 105, for an odometry without drift.
 
-An ego starts at zero in `odom`, and drives there without jumps. What moves it otherwise, such as a teleport, moves
-`odom` in the map instead: the pose in `odom` stays, and `map -> odom` jumps. A reset starts anew. The z axis of `odom`
+An ego starts at zero in `odom`, and drives there without jumps. A jump in the map, such as a teleport, moves `odom`
+in the map instead: the pose in `odom` stays, and `map -> odom` jumps. A reset starts anew. The z axis of `odom`
 is that of the map, so roll and pitch are the same in both, as an inertial unit would tell them.
 
 An `Origin` is the pose of `odom` in the map: x, y, z [m] and yaw [rad]. Source: https://www.ros.org/reps/rep-0105.html

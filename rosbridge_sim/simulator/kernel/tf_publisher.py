@@ -48,7 +48,7 @@ CENTER: Final = "vehicle_center"
 WHEEL_FRAMES: Final = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 
 TfFrames: TypeAlias = Literal["map", "map-odom", "odom"]
-"""`--tf-frames`: what is above `base_link`, from the frame that has no parent on `/tf`."""
+"""`--tf-frames`: frames above `base_link`, beginning with the one that has no parent on `/tf`."""
 
 _OPTICAL: Final = Mounting(roll=-0.5 * math.pi, yaw=-0.5 * math.pi)
 """From x forward, y left, z up to x right, y down, z ahead."""
@@ -115,7 +115,7 @@ class TfPublisher:
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
     def moving(self, egos: Iterable[Ego]) -> Struct:
-        """Return the poses of the egos, and of what moves with them, in the egos' order.
+        """Return the poses of the egos and of their moving frames, in the order of the egos.
 
         Args:
             egos: the egos; each stands in the world.

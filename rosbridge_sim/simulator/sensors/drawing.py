@@ -1,4 +1,4 @@
-"""Jobs of sensors that are drawn, at one frame for a thread, and their results.
+"""Jobs and results of drawn sensors. A job is for one frame, and runs in a thread or a process of its own.
 
 `draw` does a job. It touches nothing of the simulator's state: a job has copies. So it may run in any thread, and the
 same job gives the same bytes.
@@ -25,7 +25,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import MountedSpec, SensorSpec
 
 
 class Sighting(Record, eq=False):
-    """What a sensor has seen."""
+    """Result of one reading of a drawn sensor."""
 
     @property
     def file(self) -> bytes:
@@ -37,12 +37,12 @@ class Makers(Record):
     """A renderer; it is made and used in one thread.
 
     Attributes:
-        pictures: returns what draws pictures; it is made at the first call.
-        rays: the same for what casts rays.
+        pictures: returns the maker of pictures, which is created at the first call.
+        rays: the same for the maker of rays.
         encode_jpeg: `(picture, quality)`: returns the bytes of a JPEG.
-        build: `(map, its name, seed, is_dressed)`: returns what does not move; the same object as long as these are the
-            same.
-        close: gives back what it holds.
+        build: `(map, its name, seed, is_dressed)`: returns the static mesh; the same object as long as the arguments
+            are the same.
+        close: releases all resources.
     """
 
     pictures: Callable[[], PictureMaker]
@@ -62,12 +62,12 @@ class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
     maker: ClassVar[Literal["pictures", "rays"]]
 
     def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Sighting:
-        """Return what it sees.
+        """Return the result of a reading.
 
         Args:
             sight: of this sensor.
-            static: what does not move.
-            job: what moves, and the weather.
+            static: mesh of everything that does not move.
+            job: everything that moves, and the weather.
             makers: draw.
         """
         raise NotImplementedError
@@ -149,7 +149,7 @@ class SensorWorker(Protocol):
 
 
 def drawn_of(specs: Sequence[SensorSpec]) -> list[DrawnSpec]:
-    """Return those of some sensors that are drawn."""
+    """Return the drawn ones of some sensors."""
     return [spec for spec in specs if isinstance(spec, DrawnSpec)]
 
 

@@ -22,7 +22,7 @@ from rosbridge_sim.world.vehicle.sensor_readings import locate
 
 
 class _Maker:
-    """What makes the messages of all antennas of a simulator."""
+    """Maker of the messages of all antennas of a simulator."""
 
     def __init__(self, store: Store) -> None:
         self.globe = Georeference()

@@ -21,7 +21,7 @@ from rosbridge_sim.world.vehicle.sensor_readings import feel
 
 
 class _Maker:
-    """What makes the messages of all inertial units of a simulator."""
+    """Maker of the messages of all inertial units of a simulator."""
 
     def __init__(self, store: Store) -> None:
         self.make = maker(

@@ -54,7 +54,7 @@ class Cloud(Sighting, eq=False):
 
 
 def _maker(store: Store) -> Callable[[Struct, Cloud], Struct]:
-    """Return what makes the PointCloud2 of a turn."""
+    """Return a function that makes the PointCloud2 of a turn."""
     names = ("header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense")
     make = maker(store, Lidar3dSpec.type_name, *names)
     field = maker(store, "sensor_msgs/PointField", "name", "offset", "datatype", "count")

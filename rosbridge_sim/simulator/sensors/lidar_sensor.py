@@ -1,4 +1,4 @@
-"""Lidars: what those with one ring and those with many have in common."""
+"""Base of lidars with one ring and with many."""
 
 from __future__ import annotations
 

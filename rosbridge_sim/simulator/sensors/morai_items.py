@@ -1,4 +1,4 @@
-"""Sensors as MORAI's files have them, and what their readers share; see `morai_sensor_file`."""
+"""Sensors in MORAI's files, and functions that their readers share; see `morai_sensor_file`."""
 
 from __future__ import annotations
 

@@ -254,7 +254,7 @@ class MountedSensors(Component):
         return errors is not None and errors.is_lost(spec.frame_id, spec.lost_share(errors.noise))
 
     def _read(self, plan: _Plan, ego: Ego, mounted: MountedSensor, wanted: Sequence[bool], now: float) -> None:
-        """Publish what needs no drawing; add the rest to a job, and what becomes of it."""
+        """Publish sensors that need no drawing; add the others to a job, each with a function that takes its result."""
         spec, shared, deliver = mounted.spec, self._shared, self._context.publishers.deliver
         frame, is_complete = self._context.world.frame, True
         for i, publisher in enumerate(mounted.publishers):

@@ -1,4 +1,4 @@
-"""Cameras: what those of all lenses have in common."""
+"""Base of cameras with any lens."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Coefficient = Annotated[float, number_spelling(-1.0, 1.0), Meta(ge=-1.0, le=1.0)
 
 
 class _Form(NamedTuple):
-    """What a picture shows.
+    """Form of a picture: its channel, encoding and topic.
 
     Attributes:
         channel: the part of a `Picture`.

@@ -15,7 +15,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, Rate, TopicNam
 
 
 class _Maker:
-    """What makes the messages of all radars of a simulator."""
+    """Maker of the messages of all radars of a simulator."""
 
     def __init__(self, store: Store) -> None:
         self._detections = maker(store, RadarSpec.type_name, "header", "detections")

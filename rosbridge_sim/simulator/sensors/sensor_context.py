@@ -1,4 +1,4 @@
-"""What the sensors of one simulator share: its world, their noise, and the makers of their messages."""
+"""Context that the sensors of one simulator share: world, noise, and makers of messages."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ T = TypeVar("T")
 
 
 class SensorContext:
-    """What the sensors of one simulator share.
+    """Context that the sensors of one simulator share.
 
     Attributes:
         simulator: its context.
@@ -29,7 +29,7 @@ class SensorContext:
         self._made: dict[Callable[[Store], Any], Any] = {}
 
     def once(self, make: Callable[[Store], T]) -> T:
-        """Return what a function makes of the simulator's types; it is called once.
+        """Return the result of a function of the simulator's types. The function is called once.
 
         Args:
             make: a function or class of a module.

@@ -1,4 +1,4 @@
-"""Sensors as a user chooses them: what all kinds have, with the bounds of their options.
+"""Base of all kinds of sensors, with the bounds of their options.
 
 A kind of sensor is one class in one file, and a row in `sensor_table`. An object of it is one sensor: its options, and
 what follows from them. Places are in the frame of the vehicle: x forward, y left of the middle of the rear axle, z up
@@ -76,7 +76,7 @@ Fov = Annotated[float, number_spelling(1.0, MAX_FOV), Meta(ge=1.0, le=MAX_FOV)]
 
 
 class Cost(NamedTuple):
-    """What a message of a sensor takes.
+    """Cost of a message of a sensor.
 
     Attributes:
         num_pixels: of a picture.
@@ -101,8 +101,9 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         is_on_each_ego: each ego has one, and it is published with the frame; `--rate` has its rate.
         is_picture: it has pictures, and so an optical frame.
         has_turns: a frame reads a bounded number of them, so that each has its turn.
-        noise_key: its errors in `SensorNoise`, if these have a share of lost messages.
-        morai_noun, morai_lists: what it is called, and lists of a file of MORAI that have some.
+        noise_key: field of `SensorNoise` with a share of lost messages; empty for none.
+        morai_noun: name of the kind in messages about MORAI's files.
+        morai_lists: lists of the kind in such a file.
     """
 
     kind: ClassVar[str] = ""
@@ -152,7 +153,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
 
     @property
     def cost(self) -> Cost:
-        """What a message takes."""
+        """Cost of a message."""
         return Cost()
 
     @property
@@ -193,7 +194,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         return None
 
     def file(self, shared: SensorContext, ego: Ego) -> bytes:
-        """Return the contents of `file_name` at this frame; what is drawn has them in its result."""
+        """Return the contents of `file_name` at this frame; a drawn sensor has them in its result."""
         raise NotImplementedError
 
 

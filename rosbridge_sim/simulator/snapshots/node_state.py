@@ -53,7 +53,7 @@ MAX_LAMPS: Final = (2, 1)
 """Greatest turn and emergency signal, see `Ego`."""
 
 MAX_ORIGIN: Final = 10 * MAX_COORDINATE
-"""Greatest figure of an ego's `odom_origin` [m, rad]: a car has driven from there."""
+"""Greatest figure of an ego's `odom_origin` [m, rad]; it may lie beyond `MAX_COORDINATE`, unlike an ego."""
 
 NUM_TRIALS: Final = 2
 """Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""

@@ -4,7 +4,7 @@ import { element, setText } from "../widgets/dom.js";
 
 /** Time for which the banner says that the connection is back [ms]: long enough to be read. */
 const BACK_SHOWN = 4000;
-/** The age of the state is told anew so often [ms]. */
+/** Interval between updates of the age [ms]. */
 const STATE_AGE_INTERVAL = 1000;
 
 /**
@@ -18,7 +18,7 @@ export function showConnectionState({ connection, texts }, layout) {
   const form = new TokenForm(connection, texts);
   layout.stage.append(form.element);
   const words = element("span", {});
-  const age = element("span", { "aria-live": "off" }); // a screen reader is not to count the seconds
+  const age = element("span", { "aria-live": "off" }); // screen readers should not count the seconds
   layout.banner.append(words, " ", age);
   let isLost = false;
   /** @type {any} */
@@ -28,7 +28,7 @@ export function showConnectionState({ connection, texts }, layout) {
     setText(age, isLost && heardAt > 0 ? texts.connection.age(Math.round((performance.now() - heardAt) / 1000)) : "");
   };
   setInterval(showAge, STATE_AGE_INTERVAL);
-  /** Tell one thing at one place: while the banner tells that all is old, the mark is silent. @param {string} text */
+  /** Show the loss in one place: the mark is hidden while the banner shows it. @param {string} text */
   const tell = (text) => {
     clearTimeout(timer);
     setText(words, text);

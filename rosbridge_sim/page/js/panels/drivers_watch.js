@@ -1,4 +1,4 @@
-// Who drives each ego and who moves time, from `/sim/drivers`; and the names of clients for the user.
+// Driver of each ego and master of the time, from `/sim/drivers`; and names of clients for the user.
 
 import { Takers } from "../wire/takers.js";
 

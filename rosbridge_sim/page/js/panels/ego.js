@@ -63,7 +63,7 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
 }
 
 /**
- * Who drives an ego, in words.
+ * Text for the driver of an ego.
  * @param {import("./drivers_watch.js").EgoDriver} ego @param {import("./drivers_watch.js").DriversWatch} drivers
  * @param {import("../layout.js").Texts["ego"]} texts
  */

@@ -1,4 +1,4 @@
-// What an ego does, in one word, from what the server has told: its speed, its lamps, its driver, and the lights ahead.
+// Activity of an ego in one word, from its speed, its lamps, its driver and the lights ahead.
 
 import { lightMaterial } from "../scene/light_bars.js";
 import { MATERIALS } from "../scene/materials.js";
@@ -6,9 +6,9 @@ import { MATERIALS } from "../scene/materials.js";
 /** @typedef {"drives" | "reverses" | "brakes" | "waits" | "red" | "stands"} EgoActivity */
 /** @typedef {import("../scene/map_types.js").SceneMap} SceneMap */
 
-/** Slower than this an ego stands [m/s]. */
+/** Speed below which an ego stands [m/s]. */
 const STANDING_SPEED = 0.05;
-/** Nearer to the end of its lane than this, an ego that stands is at the light there: the first in the queue, not the third [m]. */
+/** Largest distance to the end of the lane at which an ego is at the light [m]: the first in the queue, not the third. */
 const AT_LIGHT = 10;
 
 /**

@@ -138,7 +138,7 @@ export class EgoWatch {
     }
   }
 
-  /** Return what the ego does now, also while the past is shown. @param {string} driver as in `/sim/drivers` */
+  /** Return the ego's present activity, also while the past is shown. @param {string} driver as in `/sim/drivers` */
   activity(driver) {
     const { live, map } = this.scene;
     const ego = this.scene.egos(live).find(({ number }) => number === this.number);

@@ -1,8 +1,8 @@
 // The rate of frames as this page measures it: frames of the world against the clock of the browser.
 
-/** The rate is measured over so long [ms]: the figure is calm, and follows within two seconds. */
+/** Window of the measurement [ms]: the figure is steady, and follows a change within two seconds. */
 const RATE_WINDOW = 2000;
-/** A rate over less than this would be one of single messages [ms]. Without a message for so long the clock alone goes on. */
+/** Shortest window [ms]: less would measure single messages. Without a message for so long, the clock alone counts. */
 const SHORTEST_WINDOW = 500;
 
 export class FrameRate {

@@ -74,7 +74,7 @@ export function makeSensorsPanel(context) {
   return { element: element("div", {}, hint, element("div", { className: "button-row" }, toggle.element), notice.element, cards), title: texts.title };
 }
 
-/** What is told until the first picture has come. @param {PanelContext} context */
+/** Text until the first picture arrives. @param {PanelContext} context */
 function waitingText({ time, texts }) {
   return time.isStanding ? texts.time.nextStep : texts.sensors.drawing;
 }

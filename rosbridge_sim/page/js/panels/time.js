@@ -42,7 +42,7 @@ function section(title, content, id) {
 /** @param {PanelContext} context */
 function makeFigures({ time, texts: { time: texts } }) {
   const words = element("span", { role: "status" });
-  const pace = element("span", {}); // it changes all the time, and a screen reader is not to tell of that
+  const pace = element("span", {}); // it changes all the time, so screen readers should not read it
   const leader = element("span", { role: "status" });
   const state = element("p", { className: "time-state" }, words, pace, leader);
   const names = /** @type {const} */ (["frame", "simTime", "timeStep", "ticks", "factor", "members"]);

@@ -81,7 +81,7 @@ export function timeStateText({ kind, isPaused, isReplay }, texts) {
 }
 
 /**
- * How fast the world moves, in words; empty where the state itself says that it stands.
+ * Text for the speed of the world; empty if the text of the state says that the world stands.
  * @param {TimeState} state @param {number | null} factor real-time factor as the page has measured it; 0: the world stands; null: not known
  * yet @param {{none: string, stands: string, pace: (factor: string) => string}} texts
  */

@@ -12,7 +12,7 @@ import { timeReasons, timeStateOf } from "./time_state.js";
 export const FRAME_S = 0.02;
 /** Messages about time at most so often [ms]: a person reads no faster, and a single step is seen at once. */
 const TIME_THROTTLE = 200;
-/** A factor that no message brings, because the world stands, is told so often [ms]. */
+/** Interval between updates of the factor while no message arrives, because the world stands [ms]. */
 const REFRESH = 500;
 
 export class TimeWatch {
@@ -68,7 +68,7 @@ export class TimeWatch {
     return rate === null ? null : rate * FRAME_S;
   }
 
-  /** Whether what comes with frames, such as a picture, needs a step or the end of a pause. */
+  /** True if messages of frames, such as pictures, come only after a step or the end of a pause. */
   get isStanding() {
     return this.state.isPaused || (this.state.kind === "synchronous" && !this.factor);
   }

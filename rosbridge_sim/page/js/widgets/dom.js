@@ -77,7 +77,7 @@ export function closeButton(title, onclick) {
   return element("button", { type: "button", className: "close", title, "aria-label": title, onclick }, "×");
 }
 
-/** Choose a value of a list of numbers, which gets it if it has not. @param {HTMLSelectElement} select @param {number} value @param {(value: number) => string} name */
+/** Select a number in a list; add it to the list if it is missing. @param {HTMLSelectElement} select @param {number} value @param {(value: number) => string} name */
 export function chooseNumber(select, value, name) {
   if (![...select.options].some((option) => option.value === String(value))) {
     select.append(element("option", { value: String(value) }, name(value)));

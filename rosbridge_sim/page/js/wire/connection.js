@@ -112,7 +112,7 @@ export class Connection {
     return this.states.add(take);
   }
 
-  /** Whether what the page has is of now: the server is connected, and answers. */
+  /** True if the page has the present state: the server is connected and answers. */
   get isLive() {
     return this.state === "open" && !this.silence.isSilent;
   }
