@@ -29,7 +29,7 @@ async def _actions(bridge: Bridge) -> dict[str, str]:
     """
     names = sorted(words(await bridge.ask("action_servers"), "action_servers"))
     answers = await bridge.ask_all([("action_type", {"action": name}) for name in names])
-    kinds = [str(one.values.get("type", "")) if isinstance(one.values, dict) else "" for one in answers]
+    kinds = [one.word("type") for one in answers]
     topics = {} if all(kinds) else await types_of_topics(bridge)  # the rosapi of ROS 1 tells no types of actions
     goals = [topics.get(f"{name}/goal", "") for name in names]
     return {
@@ -79,12 +79,7 @@ async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bo
             ("publishers", {"topic": f"{action}/status"}),
         ]
     )
-    nodes = [
-        {name for key in ("publishers", "subscribers") for name in words(one.values, key)}
-        if isinstance(one.values, dict)
-        else set()
-        for one in answers
-    ]
+    nodes = [{name for key in ("publishers", "subscribers") for name in words(one.fields, key)} for one in answers]
     clients, servers = sorted(nodes[0] | nodes[1]), sorted(nodes[2] | nodes[3])
     if is_json:
         put_json({"action": action, "type": kind, "clients": clients, "servers": servers})

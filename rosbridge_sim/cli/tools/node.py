@@ -37,7 +37,7 @@ async def show_node(bridge: Bridge, name: str, *, is_json: bool) -> int:
     topics = await types_of_topics(bridge)
     services = sorted(words(details, "services"))
     answers = await bridge.ask_all([("service_type", {"service": one}) for one in services])
-    kinds = [str(one.values.get("type") or "?") if isinstance(one.values, dict) else "?" for one in answers]
+    kinds = [one.word("type") or "?" for one in answers]
     parts = {
         "Subscribers": {one: topics.get(one, "?") for one in sorted(words(details, "subscribing"))},
         "Publishers": {one: topics.get(one, "?") for one in sorted(words(details, "publishing"))},

@@ -180,6 +180,6 @@ async def dump(bridge: Bridge, inner: str, *, is_json: bool) -> int:
         place = tree
         for step in path[:-1]:
             place = place.setdefault(step, {})
-        place[path[-1]] = _read(answer.values if isinstance(answer.values, dict) else {})
+        place[path[-1]] = _read(answer.fields)
     put_json(tree) if is_json else put(render(tree))
     return 0

@@ -33,8 +33,8 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is
         return 0
     questions = [(question, {"service": name}) for name in names for question in ("service_type", "service_node")]
     answers = await bridge.ask_all(questions)
-    kinds = [_word(answer, "type") for answer in answers[::2]]
-    nodes = [_word(answer, "node") for answer in answers[1::2]]
+    kinds = [answer.word("type") for answer in answers[::2]]
+    nodes = [answer.word("node") for answer in answers[1::2]]
     rows = list(zip(names, kinds, nodes, strict=True))
     if is_json:
         put_json([{"service": name, "type": kind, "provider": node} for name, kind, node in rows])
@@ -43,10 +43,6 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is
     else:
         put_table(("SERVICE", "TYPE", "PROVIDER"), [(name, kind or "?", node or "?") for name, kind, node in rows])
     return 0
-
-
-def _word(answer: ToolAnswer, key: str) -> str:
-    return str(answer.values.get(key) or "") if answer.is_ok and isinstance(answer.values, dict) else ""
 
 
 # type, node, find
@@ -109,7 +105,7 @@ async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
     if not kind:
         raise RefusedError(await _no_service(bridge, service))
     (node,) = await bridge.ask_all([("service_node", {"service": service})])
-    provider = _word(node, "node")
+    provider = node.word("node")
     halves = await _ask_details(bridge, kind) or _look_up(kind)
     if is_json:
         account: dict[str, object] = {"service": service, "type": kind, "provider": provider or None}
@@ -145,7 +141,7 @@ async def _ask_details(bridge: Bridge, kind: str) -> Halves | None:
 
 def _read_typedefs(answer: ToolAnswer) -> Iterator[str] | None:
     """Yield the outline of a message from rosapi's typedefs; the first typedef is the message itself."""
-    typedefs = answer.values.get("typedefs") if answer.is_ok and isinstance(answer.values, dict) else None
+    typedefs = answer.fields.get("typedefs")
     if not isinstance(typedefs, list) or not typedefs or not all(isinstance(one, dict) for one in typedefs):
         return None
     fields = {str(one.get("type")): read_fields(one) for one in reversed(typedefs)}
@@ -236,7 +232,7 @@ async def _check_type(bridge: Bridge, service: str, type_name: str) -> None:
     """Refuse a call with the type of another service; a server that does not know the type is asked no further."""
     with suppress(BridgeError):
         (answer,) = await bridge.ask_all([("service_type", {"service": service})])
-        kind = _word(answer, "type")
+        kind = answer.word("type")
         if kind and _canonical(kind) != _canonical(type_name):
             raise RefusedError(f"{safe(service)}: is of type {safe(kind)}, not {safe(type_name)}")
 

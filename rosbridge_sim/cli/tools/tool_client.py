@@ -39,6 +39,22 @@ class ToolAnswer:
     is_ok: bool
     values: object
 
+    @property
+    def fields(self) -> Frame:
+        """Fields of the response; none after a refusal, or if a stranger sends something else."""
+        return self.values if self.is_ok and isinstance(self.values, dict) else {}
+
+    def word(self, key: str) -> str:
+        """Return a field that is a word; empty if there is none."""
+        return str(self.fields.get(key) or "")
+
+    def demand(self, source: str, doubt: str) -> Frame:
+        """Return the fields; a refusal is an error with a source, and with a doubt if there is no such service."""
+        if not self.is_ok or not isinstance(self.values, dict):
+            text = safe(str(self.values))
+            raise RefusedError(f"{source}{text}{doubt if 'not exist' in text else ''}")
+        return self.values
+
 
 # The connection
 
@@ -141,11 +157,7 @@ class Bridge:
         answer = await self.call(service, args, self.patience)
         if answer is None:
             raise BridgeError(f"{service}: no answer within {self.patience:g} s; --timeout waits longer")
-        if not answer.is_ok or not isinstance(answer.values, dict):
-            text = safe(str(answer.values))
-            hint = "; does the rosbridge have a simulator?" if "not exist" in text else ""
-            raise RefusedError(f"{text}{hint}")
-        return answer.values
+        return answer.demand("", "; does the rosbridge have a simulator?")
 
     async def ask(self, service: str, /, **args: object) -> Frame:
         """Return the values of a rosapi service.
@@ -158,11 +170,7 @@ class Bridge:
             BridgeError: there is no answer.
         """
         (answer,) = await self.ask_all([(service, args)])
-        if not answer.is_ok or not isinstance(answer.values, dict):
-            text = safe(str(answer.values))
-            hint = "; is rosapi running there?" if "not exist" in text else ""
-            raise RefusedError(f"/rosapi/{service} says: {text}{hint}")
-        return answer.values
+        return answer.demand(f"/rosapi/{service} says: ", "; is rosapi running there?")
 
     async def ask_all(self, questions: Sequence[tuple[str, Mapping[str, object]]]) -> list[ToolAnswer]:
         """Return the answers of rosapi services, in order of the requests.

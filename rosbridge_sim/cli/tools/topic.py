@@ -88,10 +88,8 @@ async def _who_is_who(bridge: Bridge) -> tuple[_Names, _Names]:
     publishing, subscribing = _Names(), _Names()
     answers = await bridge.ask_all([("node_details", {"node": node}) for node in nodes])
     for node, answer in zip(nodes, answers, strict=True):
-        if not answer.is_ok or not isinstance(answer.values, dict):
-            continue  # a node that has just left
         for table, key in ((publishing, "publishing"), (subscribing, "subscribing")):
-            for topic in words(answer.values, key):
+            for topic in words(answer.fields, key):  # none of a node that has just left
                 table.setdefault(topic, []).append(node)
     return publishing, subscribing
 
