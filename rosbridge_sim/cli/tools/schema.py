@@ -82,14 +82,7 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
         RefusedError: the package is unknown.
     """
     store = open_store(choice)
-    if package is not None:
-        _check_package(store, package)
-    types = sorted(
-        (name, kind)
-        for kind in KINDS
-        for name in store.names(kind)
-        if package is None or name.partition("/")[0] == package
-    )
+    types = sorted((name, kind) for kind in KINDS for name in _names(store, kind, package))
     if is_json:
         put_json([{"type": name, "kind": kind} for name, kind in types])
     else:
@@ -100,6 +93,13 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
 def _check_package(store: Store, package: str) -> None:
     if package not in store.packages():
         raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
+
+
+def _names(store: Store, kind: Kind, package: str | None) -> list[str]:
+    """Return all types of a kind, or those of a package, which must be known."""
+    if package is not None:
+        _check_package(store, package)
+    return [name for name in store.names(kind) if package in {None, name.partition("/")[0]}]
 
 
 # typescript
@@ -228,12 +228,7 @@ def list_interfaces(command: str, package: str | None, kinds: Sequence[Kind] | N
         RefusedError: the package is unknown.
     """
     store = open_store(choice)
-    if package is not None:
-        _check_package(store, package)
-    types = {
-        kind: [store.spelled(name, kind) for name in store.names(kind) if package in {None, name.partition("/")[0]}]
-        for kind in kinds or KINDS
-    }
+    types = {kind: [store.spelled(name, kind) for name in _names(store, kind, package)] for kind in kinds or KINDS}
     if command != "list":
         names = [name for found in types.values() for name in found]
         put_names(names if command == "package" else sorted({name.partition("/")[0] for name in names}))
