@@ -6,10 +6,9 @@ import itertools
 import math
 import sys
 import time
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, Final, Generic, NamedTuple, Self, TypeVar
+from typing import ClassVar, Final, Self, TypeAlias
 
 from rosbridge_sim.cli.tools.sync_commands import why_silent
 from rosbridge_sim.cli.tools.text import note, put, put_json
@@ -26,57 +25,8 @@ MAX_WINDOW = 50_000
 """Default number of messages to measure over: a quarter of an hour at 50 Hz."""
 
 
-class Rate(NamedTuple):
-    """Statistics of the last intervals between messages.
-
-    Attributes:
-        rate: mean rate [Hz].
-        shortest, longest: shortest and longest interval [s].
-        deviation: standard deviation of the intervals [s].
-        num_messages: number of messages in the measurement.
-    """
-
-    rate: float
-    shortest: float
-    longest: float
-    deviation: float
-    num_messages: int
-
-    def __str__(self) -> str:
-        return (
-            f"average rate: {self.rate:.3f} Hz  min: {self.shortest:.4f} s  max: {self.longest:.4f} s"
-            f"  std dev: {self.deviation:.5f} s  window: {self.num_messages}"
-        )
-
-
-class Bandwidth(NamedTuple):
-    """Bytes per second [B/s], sizes of the last messages [B], and their number."""
-
-    rate: float
-    mean: float
-    smallest: float
-    largest: float
-    num_messages: int
-
-    def __str__(self) -> str:
-        rate, mean, smallest, largest = map(_bytes, self[:4])
-        return f"average: {rate}/s  mean: {mean}  min: {smallest}  max: {largest}  window: {self.num_messages}"
-
-
-class Delay(NamedTuple):
-    """Delays of the last messages, their standard deviation [s], and their number."""
-
-    mean: float
-    smallest: float
-    largest: float
-    deviation: float
-    num_messages: int
-
-    def __str__(self) -> str:
-        return (
-            f"average delay: {self.mean:.3f} s  min: {self.smallest:.3f} s  max: {self.largest:.3f} s"
-            f"  std dev: {self.deviation:.5f} s  window: {self.num_messages}"
-        )
+Statistics: TypeAlias = dict[str, float]
+"""Figures of the last messages, by their names in JSON."""
 
 
 def _bytes(number: float) -> str:
@@ -91,18 +41,16 @@ def _bytes(number: float) -> str:
 # Meters
 
 
-Report = TypeVar("Report", bound=tuple[float, ...])
-"""Statistics in a tuple with names."""
-
-
-class Meter(ABC, Generic[Report]):
+class Meter:
     """A measurement over the last messages.
 
     Attributes:
-        fields: names of the statistics in JSON.
+        fields: names of the statistics in JSON; the last one is the number of messages.
+        form: the statistics in words.
     """
 
-    fields: Sequence[str]
+    fields: ClassVar[tuple[str, ...]]
+    form: ClassVar[str]
 
     def __init__(self, window: int = MAX_WINDOW) -> None:
         """Begin without messages.
@@ -121,14 +69,20 @@ class Meter(ABC, Generic[Report]):
         """
         self._samples.append((now, value))
 
-    def read(self) -> Report | None:
+    def read(self) -> Statistics | None:
         """Return the statistics; None while there are too few messages."""
-        times = [at for at, _ in self._samples]
-        return self._judge(times, [value for _, value in self._samples]) if len(times) > 1 else None
+        if len(self._samples) < 2:  # noqa: PLR2004 - an interval has two ends
+            return None
+        times, values = zip(*self._samples, strict=True)
+        return dict(zip(self.fields, (*self._judge(times, values), len(times)), strict=True))
 
-    @abstractmethod
-    def _judge(self, times: list[float], values: list[float]) -> Report:
-        """Return the statistics of at least two messages."""
+    def _judge(self, times: Sequence[float], values: Sequence[float]) -> tuple[float, ...]:
+        """Return the statistics of at least two messages, without their number."""
+        raise NotImplementedError
+
+    def text(self, report: Statistics) -> str:
+        """Return the statistics in words."""
+        return self.form.format(**report)
 
     async def prepare(self, listener: Listener) -> None:
         """Prepare the measurement before the first message."""
@@ -138,44 +92,51 @@ class Meter(ABC, Generic[Report]):
         return 0.0
 
 
-class Rates(Meter[Rate]):
-    """Intervals between arrivals."""
+class Rates(Meter):
+    """Mean rate [Hz], and the intervals between arrivals with their standard deviation [s]."""
 
     fields = ("rate", "min", "max", "std_dev", "window")
+    form = "average rate: {rate:.3f} Hz  min: {min:.4f} s  max: {max:.4f} s  std dev: {std_dev:.5f} s  window: {window}"
 
-    def _judge(self, times: list[float], _values: list[float]) -> Rate:
+    def _judge(self, times: Sequence[float], _values: Sequence[float]) -> tuple[float, ...]:
         intervals = [after - before for before, after in itertools.pairwise(times)]
         mean, deviation = _mean(intervals)
-        return Rate(1 / mean if mean > 0 else math.inf, min(intervals), max(intervals), deviation, len(times))
+        return 1 / mean if mean > 0 else math.inf, min(intervals), max(intervals), deviation
 
 
-class Bandwidths(Meter[Bandwidth]):
-    """Sizes of messages as JSON, which is how they come."""
+class Bandwidths(Meter):
+    """Bytes per second [B/s], and sizes of messages as JSON, which is how they come [B]."""
 
     fields = ("rate", "mean", "min", "max", "window")
+    form = "average: {rate}/s  mean: {mean}  min: {min}  max: {max}  window: {window}"
 
-    def _judge(self, times: list[float], values: list[float]) -> Bandwidth:
+    def _judge(self, times: Sequence[float], values: Sequence[float]) -> tuple[float, ...]:
         span = times[-1] - times[0]
         rate = sum(values[1:]) / span if span > 0 else math.inf
-        return Bandwidth(rate, _mean(values)[0], min(values), max(values), len(values))
+        return rate, _mean(values)[0], min(values), max(values)
+
+    def text(self, report: Statistics) -> str:
+        """Return the statistics in words, with units."""
+        return self.form.format(**report | {name: _bytes(report[name]) for name in self.fields[:-1]})
 
     def value_of(self, msg: Frame, _listener: Listener) -> float:
         """Return a message's size [B]."""
         return len(to_json(msg))
 
 
-class Delays(Meter[Delay]):
-    """Delays: time of the arrival minus the stamp in the header.
+class Delays(Meter):
+    """Delays: time of the arrival minus the stamp in the header [s].
 
     The time of the arrival is the last message on the server's `/clock`: simulated time, or with `--stamps wall` the
     time of day. If the server has no `/clock`, it is the time of day of this machine.
     """
 
     fields = ("mean", "min", "max", "std_dev", "window")
+    form = "average delay: {mean:.3f} s  min: {min:.3f} s  max: {max:.3f} s  std dev: {std_dev:.5f} s  window: {window}"
 
-    def _judge(self, _times: list[float], values: list[float]) -> Delay:
+    def _judge(self, _times: Sequence[float], values: Sequence[float]) -> tuple[float, ...]:
         mean, deviation = _mean(values)
-        return Delay(mean, min(values), max(values), deviation, len(values))
+        return mean, min(values), max(values), deviation
 
     async def prepare(self, listener: Listener) -> None:
         """Subscribe to the clock, and print the definition of the delay."""
@@ -207,13 +168,13 @@ def _mean(values: Sequence[float]) -> tuple[float, float]:
     return mean, math.sqrt(sum((one - mean) ** 2 for one in values) / len(values))
 
 
-METERS: Final[dict[str, Callable[[int], Meter[Any]]]] = {"hz": Rates, "bw": Bandwidths, "delay": Delays}
+METERS: Final[dict[str, Callable[[int], Meter]]] = {"hz": Rates, "bw": Bandwidths, "delay": Delays}
 """Name of the command -> its meter."""
 
 
 async def measure(
     bridge: Bridge,
-    meter: Meter[Any],
+    meter: Meter,
     name: str,
     type_name: str | None,
     count: int | None,
@@ -240,7 +201,7 @@ async def measure(
     num_messages = num_reported = 0
     report_at = bridge.now() + REPORT_INTERVAL
     give_up_at = math.inf if patience is None else bridge.now() + patience
-    with _Line(meter.fields, is_json=is_json) as line:
+    with _Line(meter, is_json=is_json) as line:
         while num_messages != count:
             msg = await listener.next(min(report_at, give_up_at))
             if msg is not None:
@@ -252,18 +213,18 @@ async def measure(
             elif patience is not None and bridge.now() >= give_up_at:
                 raise await why_silent(bridge, topic, patience)
             if bridge.now() >= report_at:
-                line.write(meter.read(), is_new=num_messages > num_reported)
+                line.write(is_new=num_messages > num_reported)
                 num_reported = num_messages
                 report_at = max(report_at + REPORT_INTERVAL, bridge.now())
-        line.write(meter.read(), is_new=True)
+        line.write(is_new=True)
     return 0
 
 
 class _Line:
     """Output of reports: in separate lines, or in one line of a terminal that is overwritten."""
 
-    def __init__(self, fields: Sequence[str] = Rates.fields, *, is_json: bool) -> None:
-        self._fields = fields
+    def __init__(self, meter: Meter, *, is_json: bool) -> None:
+        self._meter = meter
         self._is_json = is_json
         self._is_terminal = not is_json and sys.stdout.isatty()
         self._is_open = False
@@ -275,14 +236,13 @@ class _Line:
         if self._is_open:
             put("")
 
-    def write(self, report: tuple[float, ...] | None, *, is_new: bool) -> None:
+    def write(self, *, is_new: bool) -> None:
         """Print a report; `is_new` is True if a message came after the last one."""
+        report = self._meter.read()
         if self._is_json:
-            put_json(
-                {**dict.fromkeys(self._fields), **dict(zip(self._fields, report or (), strict=False)), "is_new": is_new}
-            )
+            put_json({**(report or dict.fromkeys(self._meter.fields)), "is_new": is_new})
             return
-        text = "no new messages" if report is None or not is_new else str(report)
+        text = "no new messages" if report is None or not is_new else self._meter.text(report)
         if self._is_terminal:
             sys.stdout.write(f"\r{text}\x1b[K")  # overwrite the last report, and erase its end
             sys.stdout.flush()

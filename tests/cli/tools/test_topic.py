@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.cli.tools.hz import Rate, Rates, _Line
+from rosbridge_sim.cli.tools.hz import Rates, _Line
 from rosbridge_sim.cli.tools.topic import FieldPath
 from tests.cli.tool_fixture import in_the_background, run, start
 from tests.conftest import Connect
@@ -160,9 +160,8 @@ def test_rate_has_mean_shortest_longest_and_deviation() -> None:
         rates.add(time)
     rate = rates.read()
     assert rate is not None
-    assert (rate.rate, rate.shortest, rate.longest) == pytest.approx((5.0, 0.1, 0.3))
-    assert rate.deviation == pytest.approx(0.0816496580927726)
-    assert rate.num_messages == 4
+    wanted = {"rate": 5.0, "min": 0.1, "max": 0.3, "std_dev": 0.0816496580927726, "window": 4}
+    assert rate == pytest.approx(wanted)
 
 
 def test_rates_look_back_no_further_than_the_window() -> None:
@@ -171,14 +170,16 @@ def test_rates_look_back_no_further_than_the_window() -> None:
         rates.add(time)
     rate = rates.read()
     assert rate is not None
-    assert (rate.rate, rate.deviation, rate.num_messages) == pytest.approx((2.0, 0.0, 3))
+    assert (rate["rate"], rate["std_dev"], rate["window"]) == pytest.approx((2.0, 0.0, 3))
 
 
 def test_messages_at_one_instant_have_no_rate() -> None:
     rates = Rates()
     rates.add(1.0)
     rates.add(1.0)
-    assert str(rates.read()).startswith("average rate: inf Hz")
+    report = rates.read()
+    assert report is not None
+    assert rates.text(report).startswith("average rate: inf Hz")
 
 
 def test_hz_ends_after_the_given_number_of_messages(server: ServerProcess) -> None:
@@ -234,12 +235,15 @@ async def test_hz_reports_a_stream_that_has_stopped(server: ServerProcess, conne
 
 
 def test_hz_reports_missing_messages_despite_a_known_rate(capsys: pytest.CaptureFixture[str]) -> None:
-    rate = Rate(2.0, 0.5, 0.5, 0.0, 3)
-    with _Line(is_json=False) as line:
-        line.write(rate, is_new=True)
-        line.write(rate, is_new=False)
-        line.write(None, is_new=True)
-    assert capsys.readouterr().out.splitlines() == [str(rate), "no new messages", "no new messages"]
+    rates = Rates()
+    with _Line(rates, is_json=False) as line:
+        line.write(is_new=True)
+        for time in (0.0, 0.5, 1.0):
+            rates.add(time)
+        line.write(is_new=True)
+        line.write(is_new=False)
+    text = "average rate: 2.000 Hz  min: 0.5000 s  max: 0.5000 s  std dev: 0.00000 s  window: 3"
+    assert capsys.readouterr().out.splitlines() == ["no new messages", text, "no new messages"]
 
 
 # pub
