@@ -18,7 +18,7 @@ PAGES = {
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
     "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b980737d1a0f"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),
-    "docs/ko/sensors.md": ("docs/reference/sensors.md", "bacbf5debb9a"),
+    "docs/ko/sensors.md": ("docs/reference/sensors.md", "7b0548e24c1a"),
     "docs/ko/teaching.md": ("docs/guides/teaching.md", "428edd7fa52c"),
     "docs/ko/when_nothing_moves.md": ("docs/guides/when_nothing_moves.md", "8efa5cf6737d"),
 }

@@ -57,7 +57,7 @@ def _check_frame(value: str) -> None:
     if len(value) > MAX_NAME or not _FRAME_ID.fullmatch(value):
         raise ValueError("expected letters, digits, _, . and -, at most 100")
     if value in _TAKEN_FRAMES:
-        raise ValueError("expected a name that no other frame of the vehicle has")
+        raise ValueError(f"expected a name other than the vehicle's own frames {', '.join(sorted(_TAKEN_FRAMES))}")
 
 
 def _check_topic(value: str) -> None:

@@ -70,6 +70,7 @@ def test_teaching_preset_has_the_mounting_of_the_lane_programs() -> None:
         ("frame_id", "/Camera"),
         ("frame_id", "base_link"),
         ("frame_id", "imu_link"),
+        ("frame_id", "rear_left_wheel"),
         ("picture", "photo"),
         ("distortion", (1.0,)),
         ("distortion", (math.nan, 0.0, 0.0, 0.0, 0.0)),
@@ -78,6 +79,11 @@ def test_teaching_preset_has_the_mounting_of_the_lane_programs() -> None:
 def test_camera_beyond_a_bound_is_refused(field: str, value: object) -> None:
     with pytest.raises(DocumentError, match=rf"^x: camera\[0\]\.{field}"):
         read_rig({"camera": [{field: value}]}, "x")
+
+
+def test_error_names_the_reserved_frames() -> None:
+    with pytest.raises(DocumentError, match=r"frame_id: expected .* own frames base_link, .*, odom, .*, got 'odom'$"):
+        read_rig({"camera": [{"frame_id": "odom"}]}, "x")
 
 
 @pytest.mark.parametrize(
