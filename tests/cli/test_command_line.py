@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import re
 import select
 import signal
 import socket
@@ -62,6 +63,8 @@ def test_help_without_a_command_is_the_help_of_serve() -> None:
     assert bare.stdout.startswith("usage: rosbridge-sim [serve]")
     for flag in ("--port", "--version", "--print-config"):
         assert flag in bare.stdout
+    about = re.split(r"[^a-z0-9]+", bare.stdout.partition("options:")[0])
+    assert __main__._COMMANDS.keys() <= {*about}, "the text at the top names all commands"
 
 
 @pytest.mark.parametrize(

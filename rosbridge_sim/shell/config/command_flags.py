@@ -85,9 +85,9 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
 _SERVE_TEXT = (
     "A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive."
     " rosbridge-sim attach URL connects the simulator to an existing rosbridge, as MORAI SIM does. Other commands talk"
-    " to any rosbridge: rosbridge-sim topic, service, node, param, action, tick, step, score, snapshot, restore, spawn,"
-    " sensor, shot, wait, record; or read files: bag, interface, schema, scenario, map; or draw: clip, shot. Each has"
-    " its own --help."
+    " to any rosbridge: rosbridge-sim topic, service, node, param, action, sync, tick, step, score, snapshot, restore,"
+    " spawn, sensor, shot, layout, wait, record; or read files: bag, interface, schema, scenario, map, docs; or draw:"
+    " clip, shot; or drive many scenarios: campaign; or look at ROS 2: ros2 check. Each has its own --help."
 )
 
 _ATTACH_TEXT = (
