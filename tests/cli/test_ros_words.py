@@ -39,6 +39,7 @@ ROWS = [
     ("topic type client_count", r"std_msgs/{m}Int32\n", ""),
     ("topic find std_msgs/Int32", r"/client_count\n", ""),
     ("topic find std_msgs/msg/Int32 --count-topics", r"1\n", ""),
+    ("topic find std_msgs/Int32 -c --json", r"1\n", ""),
     (
         "topic info /client_count -v",
         r"(?s)Type: std_msgs/{m}Int32\n\nPublisher count: 1\n\nNode name: \w+\n.*PUBLISHER\n\nSubscription count: 0\n",

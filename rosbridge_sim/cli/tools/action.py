@@ -53,8 +53,8 @@ async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_js
         is_count: print only how many there are.
     """
     actions = await _actions(bridge)
-    if is_json:
-        put_json(len(actions) if is_count else [{"action": name, "type": kind} for name, kind in actions.items()])
+    if is_json and not is_count:
+        put_json([{"action": name, "type": kind} for name, kind in actions.items()])
     else:
         put_names(list(actions), list(actions.values()) if has_types else (), is_count=is_count)
     return 0

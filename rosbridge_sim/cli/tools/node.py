@@ -18,7 +18,7 @@ async def list_nodes(bridge: Bridge, *, is_count: bool, is_json: bool) -> int:
         BridgeError: there is no answer.
     """
     names = sorted(words(await bridge.ask("nodes"), "nodes"))
-    put_json(len(names) if is_count else names) if is_json else put_names(names, is_count=is_count)
+    put_names(names, is_count=is_count, is_json=is_json)
     return 0
 
 

@@ -29,7 +29,7 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is
     """
     names = sorted(words(await bridge.ask("services"), "services"))
     if is_count or not (is_verbose or has_types):
-        put_json(len(names) if is_count else names) if is_json else put_names(names, is_count=is_count)
+        put_names(names, is_count=is_count, is_json=is_json)
         return 0
     questions = [(question, {"service": name}) for name in names for question in ("service_type", "service_node")]
     answers = await bridge.ask_all(questions)
@@ -82,7 +82,7 @@ async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_js
     found = sorted({name for names in lists for name in names})
     if not found:
         raise RefusedError(f"no service of type {safe(type_name)} here")
-    put_json(found) if is_json else put_names(found, is_count=is_count)
+    put_names(found, is_count=is_count, is_json=is_json)
     return 0
 
 

@@ -38,16 +38,19 @@ def put_json(value: object) -> None:
     put(orjson.dumps(value).decode())
 
 
-def put_names(names: Sequence[str], types: Sequence[str] = (), *, is_count: bool = False) -> None:
+def put_names(
+    names: Sequence[str], types: Sequence[str] = (), *, is_count: bool = False, is_json: bool = False
+) -> None:
     """Print names, one per line, as the tools of ROS 2 do.
 
     Args:
         names: the names.
         types: types of all, to print them behind, in brackets; empty prints none.
         is_count: print only how many there are.
+        is_json: print them as JSON, without types.
     """
-    if is_count:
-        put(str(len(names)))
+    if is_count or is_json:
+        put_json(len(names) if is_count else names)
         return
     for i, name in enumerate(names):
         put(safe(f"{name} [{types[i]}]" if types else name))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import time
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -42,23 +43,20 @@ async def list_topics(
     if namespace:
         inner = absolute(namespace).rstrip("/")
         topics = [(name, kind) for name, kind in topics if name == inner or name.startswith(f"{inner}/")]
-    if is_json and (is_count or not is_verbose):
-        put_json(len(topics) if is_count else [{"topic": name, "type": kind} for name, kind in topics])
-        return 0
-    if is_count or not is_verbose:
+    if is_count or not (is_verbose or is_json):
         put_names([name for name, _ in topics], [kind for _, kind in topics if has_types], is_count=is_count)
         return 0
-    publishing, subscribing = await _who_is_who(bridge)
+    users = await _who_is_who(bridge) if is_verbose else {}
     if is_json:
         put_json(
             [
-                {"topic": name, "type": kind, "publishers": publishing[name], "subscribers": subscribing[name]}
+                {"topic": name, "type": kind, **{title: nodes[name] for title, nodes in users.items()}}
                 for name, kind in topics
             ]
         )
         return 0
-    rows = [(name, kind, _list(publishing[name]), _list(subscribing[name])) for name, kind in topics]
-    put_table(("TOPIC", "TYPE", "PUBLISHERS", "SUBSCRIBERS"), rows)
+    rows = [(name, kind, *(", ".join(nodes[name]) or "-" for nodes in users.values())) for name, kind in topics]
+    put_table(("TOPIC", "TYPE", *(title.upper() for title in users)), rows)
     return 0
 
 
@@ -75,27 +73,16 @@ async def types_of_topics(bridge: Bridge) -> dict[str, str]:
     return dict(zip(names, types, strict=False))
 
 
-class _Names(dict[str, list[str]]):
-    """Topic -> its nodes; an unknown topic has none."""
-
-    def __missing__(self, key: str) -> list[str]:
-        return []
-
-
-async def _who_is_who(bridge: Bridge) -> tuple[_Names, _Names]:
+async def _who_is_who(bridge: Bridge) -> dict[str, defaultdict[str, list[str]]]:
     """Return the nodes that publish each topic, and those that subscribe to it."""
     nodes = words(await bridge.ask("nodes"), "nodes")
-    publishing, subscribing = _Names(), _Names()
+    users = {title: defaultdict[str, list[str]](list) for title in ("publishers", "subscribers")}
     answers = await bridge.ask_all([("node_details", {"node": node}) for node in nodes])
     for node, answer in zip(nodes, answers, strict=True):
-        for table, key in ((publishing, "publishing"), (subscribing, "subscribing")):
+        for title, key in (("publishers", "publishing"), ("subscribers", "subscribing")):
             for topic in words(answer.fields, key):  # none of a node that has just left
-                table.setdefault(topic, []).append(node)
-    return publishing, subscribing
-
-
-def _list(names: Sequence[str]) -> str:
-    return ", ".join(names) or "-"
+                users[title][topic].append(node)
+    return users
 
 
 async def is_ros2(bridge: Bridge) -> bool:
@@ -135,7 +122,7 @@ async def find_topics(bridge: Bridge, type_name: str, *, is_count: bool, is_json
     found = sorted(name for name, kind in types.items() if kind.replace("/msg/", "/") == wanted)
     if not found:
         raise RefusedError(f"no topic of type {safe(type_name)} here{hint(type_name, sorted(set(types.values())))}")
-    put_json(found) if is_json else put_names(found, is_count=is_count)
+    put_names(found, is_count=is_count, is_json=is_json)
     return 0
 
 
