@@ -7,7 +7,7 @@ same job gives the same bytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import ClassVar, Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,13 +53,7 @@ class Makers(Record):
 
 
 class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
-    """A sensor that needs the scene as triangles.
-
-    Attributes:
-        maker: field of `Makers` that draws it.
-    """
-
-    maker: ClassVar[Literal["pictures", "rays"]]
+    """A sensor that needs the scene as triangles: it has a `maker`."""
 
     def see(self, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Sighting:
         """Return the result of a reading.

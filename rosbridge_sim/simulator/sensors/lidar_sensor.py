@@ -15,7 +15,7 @@ from rosbridge_sim.simulator.sensors.lidar_sweep import FADING, Beams, Echoes, e
 class LidarSpec(DrawnSpec, frozen=True, kw_only=True):
     """A lidar of any kind."""
 
-    maker: ClassVar[Literal["pictures", "rays"]] = "rays"
+    maker: ClassVar[Literal["", "pictures", "rays"]] = "rays"
     noise_key: ClassVar[str] = "lidar"
 
     if TYPE_CHECKING:  # fields of each kind, behind its own

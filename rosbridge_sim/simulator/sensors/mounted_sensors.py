@@ -243,7 +243,7 @@ class MountedSensors(Component):
             wanted = [is_wanted(publisher) for publisher in mounted.publishers]
             if not any(wanted) or self._is_lost(ego, spec):
                 mounted.is_owed = False
-            elif is_free or not isinstance(spec, DrawnSpec):
+            elif is_free or not spec.maker:
                 mounted.is_owed = False
                 self._read(plan, ego, mounted, wanted, now)
         return plan
@@ -353,7 +353,7 @@ class MountedSensors(Component):
     def read_files(self, ego: Ego) -> dict[str, bytes]:
         """Return the files of the sensors of an ego that need no drawing, by their names; see `draw_files`."""
         prefix, specs = frame_prefix(ego), self.rig_of(ego).specs
-        read = [spec for spec in specs if spec.file_name and not isinstance(spec, DrawnSpec)]
+        read = [spec for spec in specs if spec.file_name and not spec.maker]
         return {prefix + spec.file_name: spec.file(self._shared, ego) for spec in read}
 
     def draw_files(self, ego: Ego, then: Callable[[Mapping[str, bytes] | Exception, float], None]) -> bool:

@@ -101,7 +101,7 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
     """
 
     is_picture: ClassVar[bool] = True
-    maker: ClassVar[Literal["pictures", "rays"]] = "pictures"
+    maker: ClassVar[Literal["", "pictures", "rays"]] = "pictures"
     noise_key: ClassVar[str] = "camera"
     lens: ClassVar[str]
     jpeg_topic: ClassVar[str]

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any, ClassVar, Final, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
 from msgspec import Meta
 
@@ -100,6 +100,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
         type_name: type of the messages of a kind with one topic.
         is_on_each_ego: each ego has one, and it is published with the frame; `--rate` has its rate.
         is_picture: it has pictures, and so an optical frame.
+        maker: field of `Makers` that draws it; empty if no scene is needed.
         has_turns: a frame reads a bounded number of them, so that each has its turn.
         noise_key: field of `SensorNoise` with a share of lost messages; empty for none.
         morai_noun: name of the kind in messages about MORAI's files.
@@ -110,6 +111,7 @@ class SensorSpec(Document, frozen=True, kw_only=True):
     type_name: ClassVar[str] = ""
     is_on_each_ego: ClassVar[bool] = False
     is_picture: ClassVar[bool] = False
+    maker: ClassVar[Literal["", "pictures", "rays"]] = ""
     has_turns: ClassVar[bool] = False
     noise_key: ClassVar[str] = ""
     morai_noun: ClassVar[str] = ""
