@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import os
 from collections.abc import Awaitable, Sequence
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ from rosbridge_sim.cli.bridge_flags import (
     add_bridge,
     add_count,
     add_server,
+    add_token,
     add_types,
     bridge_group,
     take_type,
@@ -30,7 +30,7 @@ from rosbridge_sim.cli.command_line import (
 )
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import PREFIX, Parser
+from rosbridge_sim.link.arguments import Parser
 
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools import service, topic
@@ -290,8 +290,7 @@ def run_layout(argv: Sequence[str]) -> int:
         "--ros", type=int, choices=(1, 2), help="generation of ROS: RViz or RViz 2 [1, or the server's]"
     )
     parser.add_argument("--url", help="take the names of topics from this server [the default names]")
-    token = os.environ.get(f"{PREFIX}TOKEN") or None
-    parser.add_argument("--token", default=token, help=f"token of the server, also as {PREFIX}TOKEN")
+    add_token(parser)
     parser.set_defaults(patience=ANSWER_PATIENCE)
     return run_command(parser, argv)
 

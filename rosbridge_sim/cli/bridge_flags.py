@@ -165,7 +165,12 @@ def add_bridge(
 def add_server(parser: Parser) -> None:
     """Add the flags that select the server."""
     url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
-    token = os.environ.get(f"{PREFIX}TOKEN") or None
     text = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]"  # a token may stand in it
     parser.add_argument("--url", default=url, help=text.replace("%", "%%"))
+    add_token(parser)
+
+
+def add_token(parser: Parser) -> None:
+    """Add the flag with the token of the server."""
+    token = os.environ.get(f"{PREFIX}TOKEN") or None
     parser.add_argument("--token", default=token, help=f"token of the server, also as {PREFIX}TOKEN")
