@@ -62,8 +62,9 @@ def find_wheels(world: World, ego: Ego) -> list[Wheel]:
         return []
     radius, width, aside = shares[0] * body.height, shares[1] * body.width, 0.5 * TRACK * body.width
     axles = (usual_wheelbase(body), body.max_steer), (0.0, body.max_rear_steer)
-    wheels = [((x, y, radius), steer) for x, steer in axles for y in (aside, -aside)]
-    return [Wheel(name, *one[:1], radius, width, one[1]) for name, one in zip(WHEEL_FRAMES, wheels, strict=True)]
+    ends = [(x, y, steer) for x, steer in axles for y in (aside, -aside)]
+    names = zip(WHEEL_FRAMES, ends, strict=True)
+    return [Wheel(name, (x, y, radius), radius, width, steer) for name, (x, y, steer) in names]
 
 
 class RobotDescription(Component):
@@ -111,12 +112,13 @@ class RobotDescription(Component):
 
     def _announce(self, now: float) -> None:
         """Publish the descriptions that have changed."""
-        context = self._context
+        context, parameters = self._context, self._context.bus.parameters
         egos = {ego.index: ego for ego in context.egos}
-        for index in [index for index in self._topics if index not in egos]:
+        for index in sorted(self._topics.keys() - egos.keys()):
             del self._topics[index]
             self._texts.pop(index, None)
-            context.bus.parameters.remove([name for name in [self._parameter(index)] if name in context.bus.parameters])
+            if (name := self._parameter(index)) in parameters:
+                parameters.remove([name])
         for index, ego in egos.items():
             text = self.describe(ego)
             if text == self._texts.get(index):
@@ -124,7 +126,7 @@ class RobotDescription(Component):
             self._texts[index] = text
             context.publishers.update(self._topics[index], self._string(text), now)
             try:
-                context.bus.parameters.put(self._parameter(index), orjson.dumps(text).decode(), context.participant)
+                parameters.put(self._parameter(index), orjson.dumps(text).decode(), context.participant)
             except GraphError as error:
                 _log.warning("the parameter %s is not set: %s", self._parameter(index), error)
 
