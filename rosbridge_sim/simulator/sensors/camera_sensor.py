@@ -15,17 +15,10 @@ _COLOURS: Final = 0
 
 
 class CameraSpec(PictureSpec, frozen=True, kw_only=True):
-    """A camera with square pixels and the principal point in the middle.
+    """A camera with a plumb bob lens; its depth is the distance along the optical axis [m].
 
-    Attributes:
-        width, height: of the picture [pixels].
-        fov: horizontal field of view [deg].
-        picture: what is seen: colours, distance along the optical axis [m], class, or instance.
-        encoding: of colours: `jpeg` gives a CompressedImage, `raw` an Image. The other pictures are always an Image.
-        quality: of the JPEG.
-        antialiasing: colours have four samples a pixel; without it a processor that draws needs half the time.
+    Attributes, beside those of `PictureSpec`:
         distortion: k1, k2, p1, p2, k3 of the plumb bob model; all 0 for a pinhole.
-        detections: publish the boxes as vision_msgs, too.
     """
 
     kind: ClassVar[str] = "camera"

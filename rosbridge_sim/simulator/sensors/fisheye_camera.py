@@ -18,17 +18,12 @@ _WideFov = Annotated[float, number_spelling(1.0, MAX_FISHEYE_FOV), Meta(ge=1.0, 
 class FisheyeSpec(PictureSpec, frozen=True, kw_only=True):
     """A camera with a fisheye lens: equidistant projection, with the distortion of `cv2.fisheye`.
 
-    It sees up to 90 deg from its axis, or half of `fov` if that is more; what lies beyond is black.
+    It sees up to 90 deg from its axis, or half of `fov` if that is more; what lies beyond is black. Its depth is the
+    distance from the camera [m].
 
-    Attributes:
-        width, height: of the picture [pixels].
+    Attributes, beside those of `PictureSpec`:
         fov: horizontal field of view without distortion [deg]; the focal length is width / fov, with fov in radians.
-        picture: what is seen: colours, distance from the camera [m], class, or instance.
-        encoding: of colours: `jpeg` gives a CompressedImage, `raw` an Image. The other pictures are always an Image.
-        quality: of the JPEG.
-        antialiasing: colours have four samples a pixel; without it a processor that draws needs half the time.
         distortion: k1, k2, k3, k4 of the polynomial of Kannala and Brandt.
-        detections: publish the boxes as vision_msgs, too.
     """
 
     kind: ClassVar[str] = "fisheye"

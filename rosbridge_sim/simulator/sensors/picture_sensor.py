@@ -84,7 +84,7 @@ class Shot(Sighting, eq=False):
 
 
 class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
-    """A camera with square pixels and the principal point in the middle.
+    """A camera with square pixels and the principal point in the middle, with any lens.
 
     Attributes:
         width, height: of the picture [pixels].
