@@ -187,7 +187,8 @@ class CameraModel:
         """
         column, row = np.meshgrid(np.arange(self.width) + 0.5, np.arange(self.height) + 0.5)
         bent = (np.column_stack([column.ravel(), row.ravel()]) - np.array(self.center)) / self.focal
-        return self._rays_of(bent).astype(np.float32)
+        with np.errstate(over="ignore", invalid="ignore"):  # the rounds diverge where a lens folds its picture
+            return self._rays_of(bent).astype(np.float32)
 
     def _rays_of(self, bent: FloatArray) -> FloatArray:
         """Return the rays of places (n, 2) from the principal point, in focal lengths."""

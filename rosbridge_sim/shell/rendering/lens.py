@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.scenery.camera_geometry import MAX_FOV, MAX_PIXELS, CameraModel
+from rosbridge_sim.scenery.camera_geometry import MAX_FOV, MAX_PIXELS, MAX_SIDE, MIN_FOV, CameraModel
 from rosbridge_sim.scenery.pictures import Picture
 from rosbridge_sim.world.geometry.planar import FloatArray
 
@@ -24,7 +24,10 @@ NARROW: Final = 0.45
 """Cosine of the largest angle from the axis that one plane picture shows, 63 deg: towards 90 it grows without end."""
 
 MARGIN: Final = 1.0
-"""Pixels of a side of a cube beyond its edge, so that colours can be mixed there."""
+"""Pixels of a plane picture beyond what is seen, so that colours can be mixed there."""
+
+COARSER: Final = 0.98
+"""Step by which the focal length of a plane picture becomes smaller until the picture is small enough."""
 
 SIDES: Final = (
     ((0, 1, 2), (1, 1, 1)),
@@ -141,28 +144,49 @@ class Lens:
 
 def _one_view(camera: CameraModel, rays: FloatArray) -> PlaneView:
     flat = -rays[:, 1:] / rays[:, :1]  # right and down, at depth 1
-    finite = np.where(np.isfinite(flat), flat, 0.0)
-    reach = np.minimum(np.abs(finite).max(axis=0), math.tan(math.radians(MAX_FOV / 2.0)))
-    half = reach * camera.focal + 1.0
-    limit = 0.5 * MAX_GROWTH * np.array([camera.width, camera.height])
-    width, height = (2 * math.ceil(min(side, most)) for side, most in zip(half, limit, strict=True))
-    plain = CameraModel(width, height, 2.0 * math.degrees(math.atan(width / (2.0 * camera.focal))))
-    place = flat * camera.focal + np.array(plain.center) - 0.5  # of pixels' middles
+    limit = 0.5 * MAX_GROWTH * np.array([camera.width, camera.height]) - MARGIN
+    reach = np.minimum(np.abs(np.where(np.isfinite(flat), flat, 0.0)).max(axis=0), limit / camera.focal)
+    plain = _plane(reach, camera.focal)
+    place = flat * plain.focal + np.array(plain.center) - 0.5  # of pixels' middles
     return PlaneView(plain, SIDES[0], slice(None), place, (1.0 / rays[:, 0]).astype(np.float32))
 
 
 def _sides(camera: CameraModel, rays: FloatArray) -> Sequence[PlaneView]:
-    focal = min(SHARPNESS * camera.focal, 0.5 * math.isqrt(MAX_PIXELS) - MARGIN - 1.0)
-    size = 2 * math.ceil(focal + MARGIN)
-    plain = CameraModel(size, size, 2.0 * math.degrees(math.atan(size / (2.0 * focal))))
     axis = np.abs(rays).argmax(axis=1)
     is_back = np.take_along_axis(rays, axis[:, None], axis=1)[:, 0] < 0.0
     nearest = np.where(np.isfinite(rays[:, 0]), _SIDE_OF[axis, is_back.astype(np.intp)], -1)
+
+    def local(pixels: NDArray[np.intp], order: Sequence[int], signs: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+        turned = rays[pixels][:, order] * np.array(signs)
+        return -turned[:, 1:] / turned[:, :1], turned[:, 0]
+
+    seen = [(np.flatnonzero(nearest == number), *side) for number, side in enumerate(SIDES)]
+    seen = [one for one in seen if len(one[0])]
+    # The sides have one size, so that one target serves all; a low and wide picture needs no square ones.
+    plain = _plane(np.max([np.abs(local(*one)[0]).max(axis=0) for one in seen], axis=0), SHARPNESS * camera.focal)
     views = []
-    for number, (order, signs) in enumerate(SIDES):
-        pixels = np.flatnonzero(nearest == number)
-        if len(pixels):
-            local = rays[pixels][:, order] * np.array(signs)
-            place = -local[:, 1:] / local[:, :1] * plain.focal + np.array(plain.center) - 0.5
-            views.append(PlaneView(plain, (order, signs), pixels, place, (1.0 / local[:, 0]).astype(np.float32)))
+    for pixels, order, signs in seen:
+        flat, ahead = local(pixels, order, signs)
+        place = flat * plain.focal + np.array(plain.center) - 0.5
+        views.append(PlaneView(plain, (order, signs), pixels, place, (1.0 / ahead).astype(np.float32)))
     return views
+
+
+def _plane(reach: FloatArray, focal: float) -> CameraModel:
+    """Return the camera of a plane picture that is large enough; it is coarser if it would be too large.
+
+    Args:
+        reach: (2,) what it shows to the right and down, at depth 1.
+        focal: its focal length, if possible [pixels].
+    """
+    width, height = _size(reach, focal)
+    while width * height > MAX_PIXELS or max(width, height) > MAX_SIDE:
+        focal *= COARSER
+        width, height = _size(reach, focal)
+    fov_deg = 2.0 * math.degrees(math.atan(width / (2.0 * focal)))
+    return CameraModel(width, height, min(max(fov_deg, MIN_FOV), MAX_FOV))
+
+
+def _size(reach: FloatArray, focal: float) -> tuple[int, int]:
+    width, height = (2 * math.ceil(tangent * focal + MARGIN) for tangent in reach.tolist())
+    return width, height
