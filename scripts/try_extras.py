@@ -29,7 +29,7 @@ NOT_FOR_USERS: Final = frozenset({"test", "docs", "lint"})
 
 
 class FirstUse(NamedTuple):
-    """What a page tells the reader to do first with an extra."""
+    """First commands with an extra, from a page of the documentation."""
 
     page: str
     install: str

@@ -1,4 +1,4 @@
-"""The page of the environments: options, observation by row, reward and end of each, and what drivers reach.
+"""The page of the environments: options, observation by row, reward and end of each, and results of drivers.
 
 Options and bounds come from the sources; the figures from `environment_figures.json`, which
 `scripts/examples/drive_environments.py --json` writes; the pictures from `scripts/draw_environments.py`.
@@ -99,42 +99,42 @@ REASONS: Final = {
     ),
     "Highway-v1": (
         "It begins among the traffic: from a stand on a free lane a driver that sees nobody (`careless`) met "
-        "nobody. A failure costs 10 and all that could still be earned, which is most of it."
+        "nobody. A failure costs 10 and all later rewards of the episode, which are most of them."
     ),
     "Merge-v0": (
-        "A failure costs 10 and all that could still be earned. The entry lane ends, so neither to stand nor "
-        "to look away pays."
+        "A failure costs 10 and all later rewards of the episode. The entry lane ends, so neither standing "
+        "nor ignoring other vehicles pays."
     ),
     "Roundabout-v1": (
         "Other drivers brake for one that never gives way (`careless`), so it gains 3 s of driving, and has "
-        "few collisions. So `near_miss` costs in each step in which it comes near one, and so much that it "
-        "does not pay if later rewards are discounted, either. 1.5 s is the bound for serious conflicts in "
+        "few collisions. So `near_miss` is a cost in each step with a short time to collision, high enough that "
+        "it does not pay with discounted rewards, either. 1.5 s is the bound for serious conflicts in "
         "studies of traffic."
     ),
     "Intersection-v1": (
-        "Behind the light 40 can be earned for the way, and 10 for arriving. `red_light` costs as much, so to "
-        "pass it pays at no discount, though a red light lasts up to 20 s."
+        "Behind the light a driver can earn 40 for the way, and 10 for arriving. `red_light` costs as much, so "
+        "passing it never pays, whatever the discount, though a red light lasts up to 20 s."
     ),
     "Parking-v1": (
         "Each step costs up to 0.02, so that a shorter way is better. A whole episode costs less than a "
-        "failure, so that none ends its costs early. `arrived` is there because to stop beside the bay is "
-        "nearly as near as to stand in it."
+        "failure, so that a crash never pays. `arrived` is needed because a stop beside the bay is nearly as "
+        "near as a stop in it."
     ),
-    "Drive-v0": "A failure costs 10 and all that could still be earned.",
+    "Drive-v0": "A failure costs 10 and all later rewards of the episode.",
 }
-"""Why the rewards are as they are, by what earned more than the task before."""
+"""Reasons for the rewards: drivers that earned more than the task before."""
 
 HEAD: Final = """\
 # Environments
 
-What the guide [Environments for Gymnasium](../guides/gymnasium.md) does not list: for each environment its options, its
-observation by row, its reward and its end, and what drivers reach. `RemoteDrive-v0` is `Drive-v0` in the world of a
+Details beside the guide [Environments for Gymnasium](../guides/gymnasium.md): for each environment its options, its
+observation by row, its reward and its end, and results of drivers. `RemoteDrive-v0` is `Drive-v0` in the world of a
 server.
 
 *Random* draws each action anew. *By rule* is the driver of `scripts/examples/drive_environments.py`: it steers to the
-lane's line 10 m ahead, wants the target speed, slows down for bends, keeps gaps, stops at red lights, gives way to
-those who will be on its way first, and in `Parking-v1` reverses in an arc. The others are in
-`scripts/examples/exploit_environments.py`. They want rewards without the task, and a test holds that none of them
+lane's line 10 m ahead, drives at the target speed, slows down for bends, keeps gaps, stops at red lights, gives way to
+entities that will reach its way first, and in `Parking-v1` reverses in an arc. The others are in
+`scripts/examples/exploit_environments.py`. They try to earn rewards without the task. A test checks that none of them
 earns more than the rule:
 
 | driver | what it does |

@@ -1,10 +1,9 @@
-"""Drive the environments for Gymnasium with random actions, by a rule and by exploits, and print what all reach.
+"""Drive the environments for Gymnasium with random actions, by a rule and by exploits, and print their results.
 
 The rule steers towards the line of the lane 10 m ahead (pure pursuit), wants the target speed, slows down for bends,
 keeps a gap of 1.2 s and 2 m to what is on its way, and stops at red lights. It gives way to those who will be on its
 way before it, as if they went straight on. In `Parking-v1` it drives past its bay and reverses into it in an arc.
-Beside both it drives those that would like rewards without the task, see `exploit_environments.py`. Needs the extra
-`gym`.
+Exploits try to earn rewards without doing the task, see `exploit_environments.py`. Needs the extra `gym`.
 
     python scripts/examples/drive_environments.py --episodes 16
 """
@@ -49,7 +48,7 @@ BETWEEN = (np.vander(np.arange(41.0), 5) @ np.linalg.inv(np.vander(_KNOTS, 5)))[
 """(41, 4) from the places of the lane's line to one for each metre: the polynomial through them, and through 0."""
 
 DISCOUNT = 0.99
-"""Of a step, for the second sum of rewards: a usual one, which halves in 7 s."""
+"""Usual discount of a step, for the second sum of rewards: it halves a reward in 7 s."""
 
 Policy = Callable[[Any], Any]
 
@@ -161,7 +160,7 @@ class ParkByRule:
 
 
 def drivers_of(task: DrivingTask, num: int) -> dict[str, Policy]:
-    """Return all drivers by name, each at the begin of `num` episodes; the random one has a seed of its own."""
+    """Return all drivers by name, each ready for `num` new episodes; the random one has a seed of its own."""
     rng = np.random.default_rng(0)
 
     def rule() -> Policy:
@@ -171,7 +170,7 @@ def drivers_of(task: DrivingTask, num: int) -> dict[str, Policy]:
 
 
 def drive(name: str, policy: Policy, num: int) -> dict[str, float]:
-    """Return what one driver reaches, see `drive_all`."""
+    """Return the results of one driver; see `drive_all`."""
     return drive_all(name, {"": policy}, num)[""]
 
 

@@ -1,8 +1,8 @@
 """Train a driver of `LaneKeeping-v1` with PPO of stable-baselines3.
 
-64 environments drive at once, as one set of arrays, from where the scenario has the ego: on a straight of 600 m, which
-is learned soonest. The driver is judged before and after, in 64 episodes of other seeds. Needs the extra `gym`, torch
-and stable-baselines3.
+64 environments drive at once, as one set of arrays. They start where the scenario has the ego: on a straight of 600 m,
+which is the easiest to learn. The driver is judged before and after, in 64 episodes of other seeds. Needs the extra
+`gym`, torch and stable-baselines3.
 
     python scripts/examples/train_ppo.py --policy driver.zip
 """
@@ -44,7 +44,7 @@ def main() -> None:
     """Train, and print the mean reward before and after."""
     parser = argparse.ArgumentParser(description="Train a driver of LaneKeeping-v1 with PPO of stable-baselines3.")
     parser.add_argument("--steps", type=int, default=16_384, help="steps of all environments together")
-    parser.add_argument("--seed", type=int, default=1, help="of the policy and its exploration")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the policy and its exploration")
     parser.add_argument("--policy", type=Path, help="file for the trained policy (.zip)")
     arguments = parser.parse_args()
 

@@ -11,7 +11,7 @@ from scripts.soak.soak_client import masked
 PARTS = {
     f"load_{part}_data": True for part in ("network_connection", "ego_vehicle", "surrounding_vehicle", "pedestrian")
 }
-"""What a load brings."""
+"""Flags of a load: the parts that it brings."""
 
 AT_ONCE = 100
 """Objects of one call of /sim/spawn."""

@@ -1,4 +1,4 @@
-"""What hands of ROS users type, word by word, against a server of each ROS generation and against other rosbridges."""
+"""Words that ROS users type, against a server of each ROS generation and against other rosbridges."""
 
 from __future__ import annotations
 

@@ -564,7 +564,7 @@ export const TEXTS = {
       yes: "yes",
       no: "no",
       none: "No message yet.",
-      noneStanding: "No message yet. The world stands: what the simulator publishes comes with the next step.",
+      noneStanding: "No message yet. The world stands: messages of the simulator come with the next step.",
       live: "Latest message. Click a number, or press Enter on it, for a chart.",
       held: "Held. The page does not receive this topic now.",
       gone: "This topic is gone.",

@@ -439,8 +439,8 @@ class Settings:
         "map",
         _NETWORK,
         choice_of("map", "map-odom", "odom"),
-        "frames above base_link on /tf, from the one without a parent: map; map-odom as in REP 105, for Nav2; odom if a"
-        " localization of yours publishes map to odom. /odom has the pose in the frame just above base_link",
+        "frames above base_link on /tf, from the one without a parent: map; map-odom as in REP 105, for Nav2; odom if"
+        " your own localization publishes map to odom. /odom has the pose in the frame just above base_link",
     )
     cmd_vel: Literal["Twist", "TwistStamped"] = flag(
         "Twist",

@@ -32,8 +32,8 @@ ALIKE: Final = 2.0
 
 TOLD_LATERAL: Final = 3.2
 TOLD_ERROR: Final = 0.03
-"""Where vehicles with the first number as lateral acceleration [m/s^2], the most that drivers of cars accept, are
-faster on a line than on its chords by more than the second number [m/s], that matters."""
+"""Largest lateral acceleration that drivers of cars accept [m/s^2]; and the difference between the speeds on a smooth
+line and on its chords, at that acceleration, from which it matters [m/s]."""
 
 _NO_BEND: Final = 1e-9
 """A smaller angle is rounding [rad]."""

@@ -5,7 +5,7 @@ import { test } from "node:test";
 
 import { activityOf, isAtRedLight } from "../../../rosbridge_sim/page/js/panels/ego_activity.js";
 
-test("an ego has one word", () => {
+test("each activity of an ego has one word", () => {
   for (const [speed, isBraking, driver, isRed, word] of /** @type {const} */ ([
     [5, false, "client", true, "drives"],
     [5, true, "client", true, "brakes"],
@@ -21,7 +21,7 @@ test("an ego has one word", () => {
   }
 });
 
-test("at red is who stands at the end of a lane that no light lets go on", () => {
+test("an ego is at red at the end of a lane whose lights are red for all ways", () => {
   const lane = (/** @type {string} */ link, /** @type {string} */ light, /** @type {string[]} */ successors) => ({ link, light, successors, x: [0, 50], y: [0, 0] });
   const lanes = [lane("a", "", ["straight", "left"]), lane("straight", "S", []), lane("left", "L", []), lane("free", "", []), lane("b", "", ["straight", "free"])];
   const map = /** @type {any} */ ({ lanes, lights: [{ name: "S" }, { name: "L" }] });

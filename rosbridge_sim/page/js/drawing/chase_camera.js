@@ -43,7 +43,7 @@ export class ChaseCamera {
     this.heading = 0;
     /** @type {PerspectiveName} */
     this.mode = "chase";
-    /** What the user has chosen in each mode: turn and pitch [rad], distance [m]. */
+    /** View that the user has chosen in each mode: turn and pitch [rad], distance [m]. */
     this.looks = {
       chase: { turn: 0, pitch: 0.26, distance: 13 },
       seat: { turn: 0, pitch: 0.05, distance: 0 },
@@ -57,7 +57,7 @@ export class ChaseCamera {
     this.height = Math.max(height, 1);
   }
 
-  /** What the user has chosen in this mode. */
+  /** View that the user has chosen in this mode. */
   get look() {
     return this.looks[this.mode];
   }

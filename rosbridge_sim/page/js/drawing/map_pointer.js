@@ -1,4 +1,4 @@
-/** What the pointer does on the map: move it, choose an entity or a light, and work with a tool. */
+/** Actions of the pointer on the map: move it, choose an entity or a light, and use a tool. */
 
 import { listenToGestures } from "./gestures.js";
 import { MeasureTool, PlaceTool } from "./map_tools.js";

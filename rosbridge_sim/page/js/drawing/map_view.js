@@ -70,7 +70,7 @@ export class MapView {
     this.lastTime = 0;
     this.isScheduled = false;
     this.hasNewLines = true;
-    /** What the user does with the tool. */
+    /** Hint for the user of the tool. */
     this.hint = "";
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.still = matchMedia("(prefers-reduced-motion: reduce)");
@@ -87,7 +87,7 @@ export class MapView {
     return this.isChase ? this.chase : this.top;
   }
 
-  // What others use
+  // Interface for other modules
 
   /**
    * Let the user choose a place: a click is the place, a drag from it the heading.

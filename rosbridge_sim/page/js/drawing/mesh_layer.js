@@ -1,4 +1,4 @@
-/** What stands still of the scene, for the camera behind the car: the mesh that cameras and lidars see. */
+/** The static scene, for the camera behind the car: the mesh that cameras and lidars see. */
 
 import { MESH_STRIDE } from "../scene/mesh_loader.js";
 import { FOG, HEAD } from "./shaders.js";

@@ -1,4 +1,4 @@
-/** How everything moves: a vector for each velocity, and where the followed one would meet another. */
+/** Marks of motion: a vector for each velocity, and the point where the followed entity would meet another. */
 
 import { MATERIALS } from "../scene/materials.js";
 

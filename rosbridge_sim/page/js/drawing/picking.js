@@ -1,4 +1,4 @@
-/** What is under a point of the screen. */
+/** The entity or light under a point of the screen. */
 
 /** @typedef {import("../scene/store.js").SceneState} SceneState */
 /** @typedef {import("./top_camera.js").Ray} Ray */

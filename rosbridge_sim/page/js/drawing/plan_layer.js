@@ -1,4 +1,4 @@
-/** What programs publish, as lines and points of the graphics card. */
+/** Drawings of topics of programs, as lines and points of the graphics card. */
 
 import { GlProgram } from "./gl_program.js";
 import { LineLayer } from "./gl_layers.js";

@@ -18,7 +18,7 @@ import { ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, LINE_SHADERS, SHADOW_SHADE
 /** @typedef {import("./chase_camera.js").ChaseCamera} ChaseCamera */
 
 /**
- * What is drawn.
+ * Contents of one picture.
  * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
  *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses,
  *   drawn: import("../scene/drawn_topics.js").DrawnTopics | null, hidden: number}} Picture
@@ -59,14 +59,14 @@ export class Renderer {
     };
     /** Entities by their form. */
     this.entities = FORMS.map((name, shape) => new EntityLayer(gl, makeBody(name), lampHeight(shape)));
-    /** What stands still, for the camera behind the car; null until it is loaded. @type {MeshLayer | null} */
+    /** The static scene, for the camera behind the car; null until it is loaded. @type {MeshLayer | null} */
     this.mesh = null;
     this.heads = new PointLayer(gl, 3);
     this.screen = new ScreenLayer(gl);
     this.bars = new LineLayer(gl);
     /** Trails and other lines that change. */
     this.drawn = new LineLayer(gl);
-    /** What programs publish. */
+    /** Drawings of topics of programs. */
     this.plans = new PlanLayer(gl);
     /** @type {{geometry: import("../scene/map_geometry.js").MapGeometry, lanes: SurfaceLayer, stripes: SurfaceLayer,
         arrows: SurfaceLayer, lines: LineLayer, spines: LineLayer} | null} */
@@ -140,7 +140,7 @@ export class Renderer {
     gl.depthMask(true);
     gl.clearColor(single.paper[0], single.paper[1], single.paper[2], 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    // What is solid comes first, so that nothing is drawn where it is hidden.
+    // Solid bodies come first, so that nothing hidden by them is drawn.
     gl.disable(gl.BLEND);
     const flat = { ...common, ...fog, palette: palette.materials, opacity: 1 };
     const bodies = { ...common, ...fog, enlarge: camera.isPerspective ? 0 : 1 };

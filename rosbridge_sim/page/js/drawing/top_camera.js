@@ -121,7 +121,7 @@ export class TopCamera {
     this.rotation = 0;
     const [wide, high] = [FIRST_SHARE * this.width, FIRST_SHARE * this.height];
     const scales = others.map(({ x, y }) => Math.min(wide / Math.abs(x - middle.x), high / Math.abs(y - middle.y)));
-    // What is too far away is left out.
+    // Places too far away for the least scale are left out.
     this.fitted = this.scale = Math.min(FIRST_SCALE, ...scales.filter((scale, i) => scale >= (i > 0 ? LEAST_FIRST_SCALE : LEAST_SCALE_FOR_NEAREST)));
   }
 

@@ -1,4 +1,4 @@
-// What a panel is made from.
+// Context of a panel: its connection, scene and texts.
 
 /**
  * @typedef {{

@@ -1,4 +1,4 @@
-// What programs publish, with a switch and a colour for each topic that the map draws.
+// Topics of programs that the map draws, each with a switch and a colour.
 
 import { element, replaceChildren, setText } from "../widgets/dom.js";
 import { whileSeen } from "../widgets/seen.js";

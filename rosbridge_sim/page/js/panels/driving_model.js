@@ -147,7 +147,7 @@ export class PedalControls {
     return this.command();
   }
 
-  /** Whether pedals and wheels are at rest. */
+  /** True if pedals and wheels are at rest. */
   get isAtRest() {
     return this.accel === 0 && this.brake === 0 && this.steering === 0;
   }

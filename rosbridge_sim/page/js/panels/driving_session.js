@@ -15,7 +15,7 @@ const LONGEST_UPDATE = 0.1;
 const LAST_COMMANDS = 3;
 
 /**
- * What a drive needs from the page; a test gives its own.
+ * Interface of a drive to the page; tests have their own.
  * @typedef {{
  *   send: (operation: Operation) => void,
  *   callInSteps: (operation: Operation) => void,

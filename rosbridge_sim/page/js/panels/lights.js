@@ -7,7 +7,7 @@ import { lightMessage } from "../wire/requests.js";
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 /** @typedef {{name: string, lamps: number}} MapLight */
 
-/** What a light may be told to show, as the wire's sum of lamps; -1 gives it back to its schedule. */
+/** States that a light can be set to, as the wire's sum of lamps; -1 gives it back to its schedule. */
 const LIGHT_STATES = /** @type {const} */ ([
   ["red", 1],
   ["yellow", 4],

@@ -3,7 +3,7 @@
 /** @typedef {import("../drawing/map_view.js").CameraName} CameraName */
 
 /**
- * What a link asks for; null: nothing.
+ * Request of a link; null: nothing is requested.
  * @typedef {{scenario: string | null, camera: CameraName | null, follow: {id: number, isEgo: boolean} | null, panel: string | null}} PageLink
  */
 

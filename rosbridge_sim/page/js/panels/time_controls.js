@@ -1,4 +1,4 @@
-// What the buttons of time do: pause, run, step, master of synchronous mode.
+// Actions of the buttons of time: pause, run, step, master of synchronous mode.
 
 import {
   factorRequest, loadScenarioRequest, pauseRequest, replayRequest, resetRequest, restoreRequest, snapshotRequest,

@@ -69,7 +69,7 @@ export function matrixAt(kept, at) {
   return before.matrix.map((value, i) => value + share * (after.matrix[i] - value));
 }
 
-/** What a topic draws, relative to the origin of the map's buffers. */
+/** Drawing of one topic, relative to the origin of the map's buffers. */
 export class Sketch {
   /** @param {Vector} origin @param {number} colour - packed; of all that has none of its own */
   constructor(origin, colour) {

@@ -1,4 +1,4 @@
-/** What stands still of the scene as triangles, by the pages of `/sim/scene/mesh`: the same that cameras and lidars see. */
+/** The static scene as triangles, in pages of `/sim/scene/mesh`: the same that cameras and lidars see. */
 
 /** Longest wait for a page [ms]: the server makes the mesh when it is first asked for, in seconds. */
 const MESH_TIMEOUT = 120_000;

@@ -105,7 +105,7 @@ export class Timeline {
 }
 
 /**
- * What the way of an ego from one lane to another is.
+ * Return the kind of an ego's move from one lane to another.
  * @param {{link: string, successors: string[], left_link: string, right_link: string}} before
  * @param {{link: string, light: string}} after @param {boolean} isRed - the light of the lane behind the change is red
  * @returns {MarkKind | null} null: it goes on along its road

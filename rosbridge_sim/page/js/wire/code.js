@@ -16,7 +16,7 @@ const JAVASCRIPT_NAME = /^[A-Za-z_$][\w$]*$/u;
 const PLAIN_WORD = /^[\w/.:][\w/.:-]*$/u;
 
 /**
- * How a language writes values.
+ * Notation of values in a programming language.
  * @typedef {{yes: string, no: string, nothing: string, unit: string, key: (name: string) => string}} Notation
  */
 

@@ -117,7 +117,7 @@ export class Connection {
     return this.state === "open" && !this.silence.isSilent;
   }
 
-  /** Whether the server was shown a token. */
+  /** True if the page has sent a token to the server. */
   get hasToken() {
     return sessionStorage.getItem(TOKEN_KEY) !== null;
   }
