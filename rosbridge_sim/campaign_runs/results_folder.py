@@ -152,6 +152,21 @@ class ResultsFolder:
             found.setdefault(result.run.number, result)
         return [found[number] for number in sorted(found)]
 
+    def result_of(self, number: int) -> Result:
+        """Return the result of a run.
+
+        Raises:
+            DocumentError: there is none, or a line is no result.
+        """
+        for result in self.results():
+            if result.run.number == number:
+                return result
+        raise DocumentError(f"{self.title}: there is no result of a run {number}")
+
+    def name_of(self, file: str) -> str:
+        """Return the name of a file of the folder in messages."""
+        return f"{self.title.rstrip('/')}/{file}"
+
     def append(self, result: Result) -> str:
         """Write one result; return why the disk did not take it, to be tried again with the next one, or an empty text.
 

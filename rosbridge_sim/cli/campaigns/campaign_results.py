@@ -9,7 +9,6 @@ from rosbridge_sim.campaign_runs.stored_folder import open_results
 from rosbridge_sim.campaigns.comparison import compare_results
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
-from rosbridge_sim.errors import DocumentError
 
 MAX_LOG_SHOWN = 4_000
 """Characters of a driver's output that `show` prints, its end."""
@@ -49,11 +48,9 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     place = run_folder("", number)
     with open_results(folder, fetch=(place.as_posix(),)) as opened:
         check_folder(opened.path)
-        result = next((each for each in opened.results() if each.run.number == number), None)
+        result = opened.result_of(number)
         log = opened.path / place / "log.txt"
         text = log.read_text("utf-8", "replace") if log.is_file() else ""
-    if result is None:
-        raise DocumentError(f"{opened.title}: there is no result of a run {number}")
     if is_json:
         put_json(result.to_json())
         return 0
@@ -65,7 +62,7 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     put_table(("score", "value"), [(name, _number(value)) for name, value in result.scores.items()])
     put_lines(f"frames: {result.frames}\nstate: {result.state_hash or '-'}")
     for name in result.files:
-        put_lines(f"file: {opened.title.rstrip('/')}/{place.as_posix()}/{name}")
+        put_lines(f"file: {opened.name_of((place / name).as_posix())}")
     if result.retries:
         put_lines(f"driven again, because the worker was killed: {result.retries} times")
     if result.trouble:
@@ -91,7 +88,7 @@ def report(folder: str) -> int:
     with open_results(folder, fetch=None, tell=note) as opened:
         job, name = read_text_of(opened.path)
         write_all(opened, open_job(job).campaign, opened.results(), name)
-    put_lines(f"{opened.title.rstrip('/')}/report.html")
+    put_lines(opened.name_of("report.html"))
     return 0
 
 

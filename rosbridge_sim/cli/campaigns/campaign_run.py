@@ -125,7 +125,7 @@ def merge(folders: Sequence[str], output: str, *, is_json: bool) -> int:
             write_all(into, campaign, results, name)
         finally:
             into.close()
-    _put_counts(results, into.title, is_json=is_json)
+    _put_counts(results, into, is_json=is_json)
     missing = sorted({run.number for run in _planned(campaign)} - {result.run.number for result in results})
     if missing:
         told = f"{len(missing):,} runs have no result, the first is run {missing[0]}"
@@ -180,7 +180,7 @@ def _drive(
         raise DocumentError(f"{folder.title}: results could not be written: {runner.trouble}")
     ordered = [there[number] for number in sorted(there)]
     write_all(folder, campaign, ordered, Path(job.source).stem)
-    _put_counts(ordered, folder.title, is_json=is_json)
+    _put_counts(ordered, folder, is_json=is_json)
     if not is_done:
         return INTERRUPTED
     return int(any(each.verdict in BAD for each in ordered))
@@ -219,13 +219,13 @@ class _Shower:
             sys.stderr.flush()
 
 
-def _put_counts(results: list[Result], folder: str, *, is_json: bool) -> None:
+def _put_counts(results: list[Result], folder: ResultsFolder, *, is_json: bool) -> None:
     counts = Counter(result.verdict for result in results)
     num_again = sum(result.retries > 0 for result in results)
-    report = f"{folder.rstrip('/')}/report.html"
+    report = folder.name_of("report.html")
     if is_json:
         told: dict[str, int] = {verdict: counts[verdict] for verdict in VERDICTS}
-        more = {"again": num_again, "folder": folder, "report": report}
+        more = {"again": num_again, "folder": folder.title, "report": report}
         put_json({"runs": len(results), **told, **more})
         return
     told_counts = ", ".join(f"{counts[verdict]:,} {verdict}" for verdict in VERDICTS if counts[verdict])
@@ -304,9 +304,7 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     """
     with open_results(folder) as there:
         job, _ = read_text_of(there.path)
-        before = next((each for each in there.results() if each.run.number == number), None)
-    if before is None:
-        raise DocumentError(f"{there.title}: there is no result of a run {number}")
+        before = there.result_of(number)
     with temporary_folder() as work:
         again = Job(job.text, job.source, job.base, work)
         campaign = open_job(again).campaign
