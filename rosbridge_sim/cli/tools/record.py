@@ -28,7 +28,6 @@ from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.policy import Rule
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.stop_signals import on_stop_signals
-from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.bags.bag import generation_of, open_bag
 from rosbridge_sim.shell.bags.bag_recorder import FLUSH_PERIOD
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
@@ -166,7 +165,7 @@ class _RecordingSession:
 
     def _hear(self, frame: Frame) -> None:
         if frame.get("op") == "status" and frame.get("level") == "error":
-            note(f"the server says: {safe(str(frame.get('msg')))}")
+            note(f"the server says: {frame.get('msg')}")
         if frame.get("op") != "publish":
             return
         topic, msg = absolute(str(frame.get("topic"))), frame.get("msg")

@@ -214,7 +214,7 @@ async def call(
     for frame in bridge.take_inbox():
         is_remark = frame.get("op") == "status" and frame.get("id") != wish
         if is_remark and frame.get("level") in {"warning", "error"}:
-            note(f"the server says: {safe(str(frame.get('msg')))}")
+            note(f"the server says: {frame.get('msg')}")
     if answer is None:
         raise RefusedError(f"{safe(service)}: no answer within {patience:g} s; --timeout waits longer")
     if not answer.is_ok:

@@ -53,13 +53,12 @@ class Listener:
             throttle_ms: least time between two messages [ms].
         """
         listener = cls(bridge, topic)
+        kind = {} if type_name is None else {"type": type_name}
         rate = {"throttle_rate": throttle_ms} if throttle_ms else {}
-        if type_name is not None:
-            await bridge.send("subscribe", topic=topic, type=type_name, **rate)
-            return listener
-        await bridge.send("subscribe", topic=topic, **rate)
-        listener._question = await bridge.send("call_service", service="/rosapi/topic_type", args={"topic": topic})
-        listener._question_ends = bridge.now() + bridge.patience
+        await bridge.send("subscribe", topic=topic, **kind, **rate)
+        if type_name is None:
+            listener._question = await bridge.send("call_service", service="/rosapi/topic_type", args={"topic": topic})
+            listener._question_ends = bridge.now() + bridge.patience
         return listener
 
     async def watch_clock(self) -> str | None:
