@@ -98,8 +98,8 @@ REASONS: Final = {
         "nothing (`blind`) earned more than the rule."
     ),
     "Highway-v1": (
-        "It begins among the traffic: from a stand on a free lane a driver that sees nobody (`careless`) met "
-        "nobody. A failure costs 10 and all later rewards of the episode, which are most of them."
+        "It begins in the traffic: from a stop on a free lane, a driver that ignores others (`careless`) met "
+        "none. A failure costs 10 and all later rewards of the episode, which are most of them."
     ),
     "Merge-v0": (
         "A failure costs 10 and all later rewards of the episode. The entry lane ends, so neither standing "

@@ -546,4 +546,4 @@ class Ros2Gateway:
 
 
 def _do_nothing() -> None:
-    """Do nothing: nobody waits for a change."""
+    """Do nothing: no one waits for a change."""

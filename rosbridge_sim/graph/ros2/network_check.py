@@ -160,7 +160,7 @@ def _why_not_in_range(seen: SeenGraph, environment: Mapping[str, str]) -> tuple[
         text = f"RMW_IMPLEMENTATION is {environment['RMW_IMPLEMENTATION']}, which does not use DDS"
         return text, "export RMW_IMPLEMENTATION=rmw_fastrtps_cpp, or rmw_cyclonedds_cpp"
     if environment.get(_RANGE, "").strip().upper() == "OFF":
-        return f"{_RANGE} is OFF: your nodes look for nobody", f"export {_RANGE}=LOCALHOST"
+        return f"{_RANGE} is OFF: your nodes look for no others", f"export {_RANGE}=LOCALHOST"
     if seen.found_by == "localhost" and not is_local:
         text = f"the server is on loopback alone, and your nodes look for others in the network ({shown})"
         wanted = "ROS_LOCALHOST_ONLY=1" if environment.get("ROS_DISTRO") == "humble" else f"{_RANGE}=LOCALHOST"
@@ -238,7 +238,7 @@ def _check_publishers(seen: SeenGraph) -> Finding:
     lines = [*_clashes("", topics), *_clashes("frame ", frames)]
     if lines:
         return Finding("publishers", is_good=False, text=_list(lines), advice=ONE_TOO_MANY)
-    return Finding("publishers", is_good=True, text="nobody else publishes a topic or a frame of the server")
+    return Finding("publishers", is_good=True, text="no other program publishes a topic or a frame of the server")
 
 
 def _clashes(what: str, published: Sequence[tuple[str, str]]) -> Iterator[str]:
