@@ -13,6 +13,9 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim import __main__
+from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store
+from rosbridge_sim.shell.bags.bag import open_bag
+from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from tests.cli.tool_fixture import Frame, Result, answering, in_the_background, other_server, run, start
 from tests.conftest import Connect
 from tests.support import PATIENCE, ServerProcess, read_line
@@ -222,6 +225,28 @@ async def test_topics_that_the_server_owns_are_left_out_of_a_played_bag(server: 
     assert (done.code, done.out) == (1, "")
     assert "/client_count is published by /rosbridge_websocket alone" in done.err
     assert "--remap OLD:=NEW plays one under another name" in done.err
+
+
+async def test_a_loop_ends_when_the_server_refuses_all_topics(tmp_path: Path) -> None:
+    """Nothing is left to wait for then: without an end the command would read the bag without pause."""
+    file = tmp_path / "a.bag"
+    writer = BagMessageWriter(open_bag(file), open_store(DefinitionSources(ros="1")))
+    writer.add("/x", "std_msgs/Int32")
+    writer.write_json("/x", b'{"data": 1}', 10**9)
+    writer.close()
+    ask, ids = answering(topics={"topics": [], "types": []}, get_time={}), []
+
+    def reply(frame: Frame) -> Iterable[str | bytes]:
+        yield from ask(frame)
+        if frame["op"] == "advertise":
+            ids.append(frame["id"])
+        elif frame["op"] == "publish":
+            yield json.dumps({"op": "status", "level": "error", "id": ids[0], "msg": "it is full"})
+
+    async with other_server(reply) as url:
+        with start("bag", "play", str(file), "--loop", url=url) as process:
+            _, err = await asyncio.to_thread(process.communicate, timeout=PATIENCE)
+    assert (process.returncode, err.count("it is full; it is left out")) == (0, 1)
 
 
 def test_what_is_no_bag_is_one_sentence(tmp_path: Path) -> None:

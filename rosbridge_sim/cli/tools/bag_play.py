@@ -69,12 +69,12 @@ async def play(
         await player.advertise(chosen)
         note(f"playing {name}, {len(player.decoders)} of {len({one.topic for one in chosen})} topics; Ctrl-C ends it")
         while True:
-            begin = bridge.now() - selection.start / rate
+            begin, num_before = bridge.now() - selection.start / rate, player.num_sent
             for connection, stamp_ns, raw in read_messages(bag, chosen, path):
                 at = (stamp_ns - bag.start_time) / 1e9
                 if selection.start <= at <= selection.end:
                     await player.publish(connection, raw, begin + at / rate)
-            if not is_looping or not player.num_sent:
+            if not is_looping or player.num_sent == num_before:
                 break
     await player.settle()
     if is_json:
