@@ -45,7 +45,8 @@ graph: * protocol schema schema.definitions
 graph.peers: * graph long_text protocol schema
 graph.tf: * graph schema
 graph.attach: * graph protocol schema schema.definitions
-graph.ros2: * graph schema schema.definitions
+graph.gateway: * graph schema
+graph.ros2: * graph.gateway schema schema.definitions
 # the world
 world.geometry: records
 world.roads: records world.geometry
@@ -105,7 +106,7 @@ campaigns: * document_mistakes document_reading documents expressions world.stat
 # outside
 link: * protocol
 client: * link protocol
-shell.config: * graph.ros2 link simulator.bus
+shell.config: * graph.gateway graph.ros2 link simulator.bus
 shell.clocks: * graph
 shell.files: * maps morai scenarios schema schema.definitions shell.config simulator.bus simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
@@ -116,7 +117,7 @@ shell.page: * schema simulator.markers simulator.plain simulator.sim_services ve
 shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell.page shell.transport version
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
-shell.ros2: * graph graph.ros2 morai schema shell.clocks shell.config shell.files
+shell.ros2: * graph graph.gateway graph.ros2 morai schema shell.clocks shell.config shell.files
 shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags
     shell.clocks shell.config shell.drawing shell.files shell.monitoring shell.page shell.rendering shell.ros2
     shell.websocket

@@ -36,6 +36,7 @@ class CdrType:
     Attributes:
         name: `pkg/msg/Type`.
         type: the type in the store of the bus.
+        has_same_bytes: the bus has the bytes of ROS 2, too.
         hash: ROS 2's hash of the definition, `RIHS01_` and 64 hexadecimal digits.
         definitions: all types in it, itself included: `pkg/msg/Type` -> fields, in the form of rosbags.
     """
@@ -45,6 +46,7 @@ class CdrType:
     ) -> None:
         self.name = spelled(cdr_type.name, "msg", 2)
         self.type = message_type
+        self.has_same_bytes = message_type.spec.dialect.ros != 1
         self.hash = known.hash_rihs01(self.name)
         self.definitions: Mapping[str, Fielddefs] = {name: found for name, (_, found) in types.items()}
         self._cdr_type = cdr_type

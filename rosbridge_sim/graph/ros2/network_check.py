@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal, NamedTuple
 
-from rosbridge_sim.graph.ros2.quality import Quality, why_unheard
-from rosbridge_sim.graph.ros2.ros2_names import name_some, node_text
+from rosbridge_sim.graph.gateway.quality import Quality, why_unheard
+from rosbridge_sim.graph.gateway.sentences import name_some, node_text
 from rosbridge_sim.records import Record
 
 Discovery = Literal["localhost", "multicast"]

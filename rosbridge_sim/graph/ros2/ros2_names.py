@@ -7,7 +7,6 @@ ROS 2 puts `rt` before the name of a topic: `/imu` is `rt/imu` for DDS. The type
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Final
 
 _NAME: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+", re.ASCII)
@@ -70,15 +69,3 @@ def guid_text(participant: bytes) -> str:
         participant: identity of its participant, 16 bytes, of which the first 12 are the same in all its endpoints.
     """
     return participant[:12].hex(".")
-
-
-def node_text(node: str, program: str) -> str:
-    """Return the text for a node in messages: its name, if it is known, and the GUID of its program."""
-    known = f"GUID {program}" if program else ""
-    return f"{node} ({known})" if node and known else node or (f"a program ({known})" if known else "a program there")
-
-
-def name_some(names: Sequence[str], most: int = 3) -> str:
-    """Return the first names of a list, and how many more there are."""
-    shown, more = ", ".join(names[:most]), len(names) - most
-    return f"{shown} and {more} more" if more > 0 else shown

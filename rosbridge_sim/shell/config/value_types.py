@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from rosbridge_sim.graph.ros2.quality import PROFILES, read_choice
+from rosbridge_sim.graph.gateway.quality import PROFILES, read_choice
 from rosbridge_sim.graph.ros2.ros2_names import is_name
 from rosbridge_sim.link.urls import DEFAULT_PORT, check_url
 

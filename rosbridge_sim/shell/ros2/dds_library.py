@@ -17,7 +17,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, GraphError
-from rosbridge_sim.graph.ros2.quality import Quality
+from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_type
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros2.loopback import close_to_network

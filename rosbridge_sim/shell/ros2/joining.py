@@ -6,10 +6,11 @@ import asyncio
 import logging
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
+from rosbridge_sim.graph.gateway.quality import read_choice
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
-from rosbridge_sim.graph.ros2.gateway import PERIOD, Ros2Gateway
-from rosbridge_sim.graph.ros2.quality import read_choice
+from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
+from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.clocks.scheduler import Scheduler
@@ -27,7 +28,7 @@ class JoinedRos2:
         gateway: moves the messages.
     """
 
-    def __init__(self, gateway: Ros2Gateway, node: Ros2Node) -> None:
+    def __init__(self, gateway: Gateway[CdrType], node: Ros2Node) -> None:
         self.gateway = gateway
         self.node = node
 
@@ -67,12 +68,13 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
         asyncio.get_running_loop(),
     )
     store = bus.store if bus.store.ros == 2 else Store(texts, leniency=LENIENCY, ros=2)  # noqa: PLR2004 - a generation
-    gateway = Ros2Gateway(
+    gateway = Gateway(
+        ROS2_GRAPH,
         bus,
         CdrTypes(bus.store, store),
         node,
         policy,
-        Rule(settings.ros2_topics),
+        topics=Rule(settings.ros2_topics),
         qualities=[read_choice(text) for text in settings.ros2_qos],
     )
     node.gateway = gateway

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.discovery_info import DISCOVERY_TOPIC, Distro, discovery_type, node_names
 from rosbridge_sim.graph.ros2.network_check import Discovery, SeenEndpoint, SeenGraph
-from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic, guid_text, topic_of
 from rosbridge_sim.records import replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, check_library

@@ -12,6 +12,9 @@ from contextlib import suppress
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.gateway.far_graph import Endpoint
+from rosbridge_sim.graph.gateway.gateway import Gateway
+from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
 from rosbridge_sim.graph.ros2.discovery_info import (
     DISCOVERY_TOPIC,
@@ -20,10 +23,7 @@ from rosbridge_sim.graph.ros2.discovery_info import (
     node_names,
     write_discovery,
 )
-from rosbridge_sim.graph.ros2.far_graph import Endpoint
-from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
 from rosbridge_sim.graph.ros2.network_check import Discovery
-from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic, guid_text, topic_of
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
@@ -121,7 +121,7 @@ class Ros2Node:
             DocumentError: the library is missing or refuses the domain.
         """
         check_library()
-        self.gateway: Ros2Gateway | None = None
+        self.gateway: Gateway[CdrType] | None = None
         self.on_work: Callable[[], None] = _do_nothing
         self._choices = choices
         self._loop = loop

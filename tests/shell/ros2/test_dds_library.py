@@ -11,9 +11,9 @@ import pytest
 from cyclonedds.__library__ import library_path
 
 from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
 from rosbridge_sim.graph.ros2.discovery_info import discovery_type
-from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.ros2.dds_library import FITTING, DdsDomain, DdsTypes, check_library

@@ -13,7 +13,7 @@ from cyclonedds.core import Policy
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.graph.ros2.far_graph import Endpoint
+from rosbridge_sim.graph.gateway.far_graph import Endpoint
 from rosbridge_sim.shell.ros2.ros2_node import ENDPOINTS_PER_TURN, Ros2Choices, Ros2Node
 from tests.shell.ros2.dds_program import Clock, CtrlCmd, Program, String, domain_of, until
 from tests.support import Client

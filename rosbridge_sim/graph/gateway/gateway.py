@@ -1,4 +1,4 @@
-"""The gateway between the bus and the graph of ROS 2: all programs there, as one participant of the bus.
+"""The gateway between the bus and a graph of ROS nodes: all programs there, as one participant of the bus.
 
     topic with a publisher on the bus          a writer there; a message is encoded only if somebody there subscribes
     topic with a subscription on the bus       a reader there; its messages are published on the bus
@@ -15,31 +15,23 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Generic
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, FarTypes, Type
+from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.gateway.sentences import name_some, node_text
 from rosbridge_sim.graph.participant import OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
-from rosbridge_sim.graph.ros2.far_graph import Endpoint, FarNode
-from rosbridge_sim.graph.ros2.network_check import ONE_TOO_MANY
-from rosbridge_sim.graph.ros2.quality import Quality
-from rosbridge_sim.graph.ros2.ros2_names import dds_type, is_name, name_some, node_text, type_of
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
 
 MAX_TOPICS: Final = 1_000
-"""Most topics in each direction. DDS tells every program of every endpoint, so more would be a burden to all."""
-
-OWN_TOPICS: Final = frozenset({"/rosout", "/parameter_events", "/client_count", "/connected_clients"})
-"""Topics that ROS 2 and rosbridge each have for themselves: logs and parameters of nodes, and clients of a server."""
-
-OWN_FOLDERS: Final = ("/tf2_web_republisher/",)
-"""Topics of an action of ROS 1, which ROS 2 does not have in this form."""
+"""Most topics in each direction. Every program there is told of every endpoint, so more would be a burden to all."""
 
 MAX_ENDPOINTS: Final = 20_000
 """Most endpoints of other programs that are remembered."""
@@ -50,16 +42,11 @@ MAX_LINES: Final = 200
 GATHERING: Final = 2.0
 """Time for which lines about endpoints are gathered, so that those of a program for one reason are one line [s]."""
 
-ENDPOINTS_PER_TURN: Final = 1
-"""Writers and readers that one turn opens: the DDS library takes up to 40 ms for a new type."""
-
 ADVERTISED_PER_TURN: Final = 20
 """Topics of other programs that one turn puts on the bus or takes from it: 5 ms of work at most."""
 
 PERIOD: Final = 0.1
 """Least time between two looks at all topics [s]."""
-
-_log = logging.getLogger("rosbridge_sim.ros2")
 
 
 @dataclass(slots=True)
@@ -78,24 +65,24 @@ class _Untold:
 
 
 @dataclass(slots=True)
-class _Writer:
+class _Writer(Generic[Type]):
     """A topic that we publish there."""
 
-    type: CdrType
+    type: Type
     quality: Quality
     subscription: Subscription
 
 
 @dataclass(slots=True)
-class _Reader:
+class _Reader(Generic[Type]):
     """A topic that we subscribe to there."""
 
-    type: CdrType
+    type: Type
     quality: Quality
 
 
-class Ros2Gateway:
-    """All programs on the graph of ROS 2, as one participant of our bus.
+class Gateway(Generic[Type]):
+    """All programs on a graph of ROS nodes, as one participant of our bus.
 
     Attributes:
         name: name of its node in rosapi's lists.
@@ -103,38 +90,40 @@ class Ros2Gateway:
         num_received, num_sent, num_dropped: messages from the graph, to it, and dropped for slow subscribers there.
     """
 
-    name = "/ros2"
-    address = "ROS 2"
-
     def __init__(
         self,
+        graph: FarGraph,
         bus: Bus,
-        types: CdrTypes,
-        node: FarNode,
+        types: FarTypes[Type],
+        node: FarNode[Type],
         policy: Policy,
-        topics: Rule,
         *,
+        topics: Rule,
         qualities: Sequence[tuple[str, Quality]] = (),
     ) -> None:
         """Start without writers and readers; the first `advance` makes them.
 
         Args:
+            graph: the kind of graph.
             bus: our bus.
-            types: its types as ROS 2 knows them.
+            types: its types as nodes there know them.
             node: our node on the graph.
             policy: rights of all clients.
             topics: topics that pass, in both directions.
             qualities: pattern of topics, and the quality of our publishers there; the first that matches.
         """
+        self.name, self.address = graph.name, graph.title
         self.num_received = self.num_sent = self.num_dropped = 0
+        self._graph = graph
+        self._log = logging.getLogger(graph.logger)
         self._bus = bus
         self._types = types
         self._node = node
         self._policy = policy
         self._topics = topics
         self._qualities = [(Rule((pattern,)), quality) for pattern, quality in qualities]
-        self._writers: dict[str, _Writer] = {}
-        self._readers: dict[str, _Reader] = {}
+        self._writers: dict[str, _Writer[Type]] = {}
+        self._readers: dict[str, _Reader[Type]] = {}
         self._endpoints: dict[str, Endpoint] = {}
         self._advertised: dict[str, str] = {}
         self._told: set[str] = set()
@@ -178,7 +167,7 @@ class Ros2Gateway:
 
     def fail(self, error: Exception) -> None:
         """See `Guarded`: all ends, and nothing passes any more."""
-        _log.error("internal error; nothing passes to or from ROS 2 any more", exc_info=error)
+        self._log.error("internal error; nothing passes to or from %s any more", self.address, exc_info=error)
         self.leave(self._now)
 
     def leave(self, now: float) -> None:
@@ -213,6 +202,8 @@ class Ros2Gateway:
         for endpoint in found:
             if len(self._endpoints) < MAX_ENDPOINTS:
                 self._endpoints[endpoint.key] = endpoint
+                if not endpoint.is_writer and (writer := self._writers.get(endpoint.topic)) is not None:
+                    self._follow_readers(writer, is_read=True, now=now)  # at once, so that it misses nothing
                 if endpoint.is_named:
                     self._name_untold(endpoint.key, endpoint, now)
             else:
@@ -223,7 +214,7 @@ class Ros2Gateway:
         """Publish a message of a topic on the bus. One that does not fit is dropped, and its mistake is told.
 
         Args:
-            raw: the message as CDR.
+            raw: the message in the bytes of the graph.
         """
         reader, topic = self._readers.get(name), self._bus.find_topic(name)
         if reader is None or topic is None or topic.type.name != reader.type.type.name:
@@ -233,7 +224,8 @@ class Ros2Gateway:
         try:
             value = reader.type.decode(raw, self._bus.stamp_ns)
             self.num_received += 1
-            self._bus.publish(self, topic, Message(reader.type.type, value), now)
+            same = raw if reader.type.has_same_bytes else None
+            self._bus.publish(self, topic, Message(reader.type.type, value, _raw=same), now)
         except PeerError as error:
             self._refuse(name, error)
         except Exception as error:  # noqa: BLE001 - an internal error in work for this gateway
@@ -258,7 +250,7 @@ class Ros2Gateway:
         if len(self._refused) > MAX_ENDPOINTS:
             self._refused.clear()
         self._look(now)
-        if self._num_opened > ENDPOINTS_PER_TURN or self._num_advertised > ADVERTISED_PER_TURN:
+        if self._num_opened > self._graph.endpoints_per_turn or self._num_advertised > ADVERTISED_PER_TURN:
             self._due = now
 
     def end(self, error: Exception) -> None:
@@ -297,20 +289,20 @@ class Ros2Gateway:
             self._bus.unadvertise(self, name, now)
             del self._advertised[name]
         for name, endpoint in foreign.items():
-            if name in self._advertised or (name, endpoint.dds_type) in self._refused:
+            if name in self._advertised or (name, endpoint.type_name) in self._refused:
                 continue
             self._num_advertised += 1
             if self._num_advertised > ADVERTISED_PER_TURN:
                 return
-            cdr_type = self._foreign_type(endpoint)
-            if cdr_type is None or not self._advertise(name, cdr_type, endpoint):
-                self._refused.add((name, endpoint.dds_type))
+            far_type = self._foreign_type(endpoint)
+            if far_type is None or not self._advertise(name, far_type, endpoint):
+                self._refused.add((name, endpoint.type_name))
 
-    def _foreign_type(self, endpoint: Endpoint) -> CdrType | None:
+    def _foreign_type(self, endpoint: Endpoint) -> Type | None:
         """Return the type of an endpoint of another program; None if it is not known here, which is told once."""
-        type_name = type_of(endpoint.dds_type)
+        type_name = self._graph.type_of(endpoint.type_name)
         if type_name is None:
-            self._tell_of(endpoint, f"{endpoint.dds_type} is no message of ROS 2")
+            self._tell_of(endpoint, f"{endpoint.type_name} is no message of {self.address}")
             return None
         try:
             return self._types.find(type_name)
@@ -318,72 +310,83 @@ class Ros2Gateway:
             self._tell_of(endpoint, str(error), level=logging.INFO)
             return None
 
-    def _advertise(self, name: str, cdr_type: CdrType, endpoint: Endpoint | None = None) -> bool:
+    def _advertise(self, name: str, far_type: Type, endpoint: Endpoint | None = None) -> bool:
         """Advertise a topic on the bus for a program on the graph; return False if that is refused."""
         if len(self._advertised) >= MAX_TOPICS:
             self._tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
             return False
         try:
-            self._policy.check_publish(name, cdr_type.type.name)
-            self._bus.advertise(self, name, cdr_type.type.name, is_on_demand=True)
+            self._policy.check_publish(name, far_type.type.name)
+            self._bus.advertise(self, name, far_type.type.name, is_on_demand=True)
         except PeerError as error:
             kind = error.reason if isinstance(error, GraphError) else None
             self._tell_of(endpoint or Endpoint("", name, "", True, Quality(), ""), str(error), kind)  # noqa: FBT003 - a field
             return False
-        self._advertised[name] = cdr_type.name
+        self._advertised[name] = far_type.name
         return True
 
     def _set_writers(self, topics: list[Topic], now: float) -> None:
         """Open and close writers, and start and stop the encoding for those that somebody reads."""
-        wanted: dict[str, tuple[Topic, CdrType]] = {}
+        wanted: dict[str, tuple[Topic, Type]] = {}
         for topic in topics:
             if topic.is_settled and any(owner is not self for owner in topic.publishers) and self._may_leave(topic):
-                cdr_type = self._find(topic)
-                if cdr_type is not None:
-                    wanted[topic.name] = (topic, cdr_type)
+                far_type = self._find(topic)
+                if far_type is not None:
+                    wanted[topic.name] = (topic, far_type)
         for name, writer in list(self._writers.items()):
             if name not in wanted or wanted[name][1] is not writer.type:
                 self._bus.unsubscribe(writer.subscription, now)
                 self._node.close_writer(name)
                 del self._writers[name]
         read = {endpoint.topic for endpoint in self._endpoints.values() if not endpoint.is_writer}
-        for name, (topic, cdr_type) in wanted.items():
-            if name not in self._writers and not self._open_writer(topic, cdr_type):
+        for name, (topic, far_type) in wanted.items():
+            if name not in self._writers and not self._open_writer(topic, far_type):
                 continue
             self._follow_readers(self._writers[name], is_read=name in read, now=now)
 
-    def _follow_readers(self, writer: _Writer, *, is_read: bool, now: float) -> None:
+    def _follow_readers(self, writer: _Writer[Type], *, is_read: bool, now: float) -> None:
         """Have a topic encoded, and made if it is made for subscribers alone, while somebody there subscribes to it."""
         old = writer.subscription
-        old.is_idle = not is_read and not writer.quality.is_latched
+        old.is_idle = not is_read and not self._keeps(writer.quality)
         if old.is_general is is_read:
             writer.subscription = self._bus.subscribe(
                 self, old.topic.name, self._send, is_idle=old.is_idle, is_general=not is_read
             )
             self._bus.unsubscribe(old, now)
 
-    def _open_writer(self, topic: Topic, cdr_type: CdrType) -> bool:
+    def _open_writer(self, topic: Topic, far_type: Type) -> bool:
         self._num_opened += 1
-        if self._num_opened > ENDPOINTS_PER_TURN:
+        if self._num_opened > self._graph.endpoints_per_turn:
             return False
         if len(self._writers) >= MAX_TOPICS:
             self._tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
             return False
         quality = self._quality_of(topic)
         try:
-            self._node.open_writer(topic.name, cdr_type, quality, is_sole=topic.owner is not None)
+            self._node.open_writer(topic.name, far_type, quality, is_sole=topic.owner is not None)
         except GraphError as error:
             self._tell(f"{topic.name} cannot be published: {error}")
-            self._refused.add((topic.name, cdr_type.name))
+            self._refused.add((topic.name, far_type.name))
             return False
         subscription = self._bus.subscribe(
-            self, topic.name, self._send, is_idle=not quality.is_latched, is_general=True
+            self, topic.name, self._send, is_idle=not self._keeps(quality), is_general=True
         )
-        self._writers[topic.name] = _Writer(cdr_type, quality, subscription)
-        for owner, held in topic.kept.items():
-            for message in held.messages():
-                self._send(topic, message, owner, self._now)
+        self._writers[topic.name] = _Writer(far_type, quality, subscription)
+        if self._keeps(quality):
+            for raw in self.latched(topic.name):
+                self._write(topic.name, raw)
         return True
+
+    def _keeps(self, quality: Quality) -> bool:
+        return quality.is_latched and self._graph.keeps_latched
+
+    def latched(self, name: str) -> Sequence[bytes]:
+        """Return the latched messages of a topic that we publish there, oldest first."""
+        writer, topic = self._writers.get(name), self._bus.find_topic(name)
+        if writer is None or topic is None or topic.type.name != writer.type.type.name or not writer.quality.is_latched:
+            return []
+        kept = topic.kept.items()
+        return [writer.type.encode(one) for owner, held in kept if owner is not self for one in held.messages()]
 
     def _quality_of(self, topic: Topic) -> Quality:
         """Return what our publisher of a topic offers."""
@@ -394,47 +397,46 @@ class Ros2Gateway:
 
     def _set_readers(self, topics: list[Topic]) -> None:
         """Open and close readers, for the subscriptions on the bus."""
-        wanted: dict[str, CdrType] = {}
+        wanted: dict[str, Type] = {}
         for topic in topics:
             if any(one.owner is not self and not one.is_general for one in topic.all_subscriptions) and (
                 self._may_enter(topic)
             ):
-                cdr_type = self._find(topic)
-                if cdr_type is not None:
-                    wanted[topic.name] = cdr_type
+                far_type = self._find(topic)
+                if far_type is not None:
+                    wanted[topic.name] = far_type
         offered = self._offered(wanted)
         for name, reader in list(self._readers.items()):
             if wanted.get(name) is not reader.type or reader.quality != offered[name]:
                 self._node.close_reader(name)
                 del self._readers[name]
-        for name, cdr_type in wanted.items():
+        for name, far_type in wanted.items():
             if name in self._readers:
                 continue
             self._num_opened += 1
-            if self._num_opened > ENDPOINTS_PER_TURN:
+            if self._num_opened > self._graph.endpoints_per_turn:
                 return
-            self._open_reader(name, cdr_type, offered[name])
+            self._open_reader(name, far_type, offered[name])
 
-    def _open_reader(self, name: str, cdr_type: CdrType, quality: Quality) -> None:
+    def _open_reader(self, name: str, far_type: Type, quality: Quality) -> None:
         if len(self._readers) >= MAX_TOPICS:
             self._tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
             return
         try:
-            self._node.open_reader(name, cdr_type, quality)
+            self._node.open_reader(name, far_type, quality)
         except GraphError as error:
             self._tell(f"{name} cannot be subscribed to: {error}")
-            self._refused.add((name, cdr_type.name))
+            self._refused.add((name, far_type.name))
             return
-        self._readers[name] = _Reader(cdr_type, quality)
+        self._readers[name] = _Reader(far_type, quality)
 
-    def _offered(self, wanted: dict[str, CdrType]) -> dict[str, Quality]:
+    def _offered(self, wanted: dict[str, Type]) -> dict[str, Quality]:
         """Return the best quality that all publishers of each topic offer, so that a reader gets all of them."""
         found: dict[str, list[Quality]] = {}
         for endpoint in self._endpoints.values():
             if endpoint.is_writer and endpoint.topic in wanted:
-                if endpoint.dds_type != dds_type(wanted[endpoint.topic].name):
-                    expected = wanted[endpoint.topic].name
-                    self._tell_of(endpoint, f"the type is {endpoint.dds_type}, expected {expected}")
+                if endpoint.type_name != (expected := self._graph.spell_type(wanted[endpoint.topic].name)):
+                    self._tell_of(endpoint, f"the type is {endpoint.type_name}, expected {expected}")
                     continue
                 found.setdefault(endpoint.topic, []).append(endpoint.quality)
         return {
@@ -452,7 +454,10 @@ class Ros2Gateway:
         writer = self._writers.get(topic.name)
         if writer is None or sender is self or message.type.name != writer.type.type.name:
             return
-        if self._node.write(topic.name, writer.type.encode(message)):
+        self._write(topic.name, writer.type.encode(message))
+
+    def _write(self, topic: str, raw: bytes) -> None:
+        if self._node.write(topic, raw):
             self.num_sent += 1
         else:
             self.num_dropped += 1
@@ -460,8 +465,8 @@ class Ros2Gateway:
     # Rights and lines of the log
 
     def _passes(self, name: str) -> bool:
-        is_own = name in OWN_TOPICS or name.startswith(OWN_FOLDERS)
-        return not is_own and is_name(name) and self._topics.admits(name)
+        is_own = name in self._graph.own_topics or name.startswith(self._graph.own_folders)
+        return not is_own and self._graph.is_name(name) and self._topics.admits(name)
 
     def _may_leave(self, topic: Topic) -> bool:
         """Return True if programs on the graph may have a topic's messages."""
@@ -484,8 +489,8 @@ class Ros2Gateway:
             return False
         return True
 
-    def _find(self, topic: Topic) -> CdrType | None:
-        """Return the type of a topic as ROS 2 knows it; None if it has none or was refused, which is told once."""
+    def _find(self, topic: Topic) -> Type | None:
+        """Return the type of a topic as the graph knows it; None if it has none or was refused, which is told once."""
         try:
             found = self._types.find(topic.type.name)
         except PeerError as error:
@@ -535,14 +540,14 @@ class Ros2Gateway:
             first = same[0]
             topics = name_some(list(dict.fromkeys(one.endpoint.topic for one in same)))
             text = f"{node_text(first.endpoint.node, first.endpoint.program)} publishes {topics}, which does not pass"
-            advice = f": {ONE_TOO_MANY}" if first.kind is Reason.NAME_TAKEN else ""
+            advice = f": {self._graph.one_too_many}" if first.kind is Reason.NAME_TAKEN else ""
             self._tell(f"{text}: {first.why}{advice}", first.level)
 
     def _tell(self, text: str, level: int = logging.WARNING) -> None:
         """Log a line once."""
         if text not in self._told and len(self._told) < MAX_LINES:
             self._told.add(text)
-            _log.log(level, "%s", text)
+            self._log.log(level, "%s", text)
 
 
 def _do_nothing() -> None:

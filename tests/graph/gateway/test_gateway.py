@@ -10,12 +10,13 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.gateway.far_graph import Endpoint
+from rosbridge_sim.graph.gateway.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PERIOD, Gateway
+from rosbridge_sim.graph.gateway.quality import PROFILES, Quality
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
-from rosbridge_sim.graph.ros2.far_graph import Endpoint
-from rosbridge_sim.graph.ros2.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PERIOD, Ros2Gateway
-from rosbridge_sim.graph.ros2.quality import PROFILES, Quality
+from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.definitions.names import Generation
@@ -47,8 +48,8 @@ class GraphInMemory:
         self.has_room = True
         self.why_not = ""
         self.now = 0.0
-        self.gateway = Ros2Gateway(
-            self.bus, self.types, self, policy or Policy(), topics or Rule(), qualities=qualities
+        self.gateway = Gateway(
+            ROS2_GRAPH, self.bus, self.types, self, policy or Policy(), topics=topics or Rule(), qualities=qualities
         )
         self.settle()
 

@@ -1,0 +1,158 @@
+"""A graph of ROS nodes as the gateway sees it: endpoints of other programs, and our node there, made by `shell/`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import Record
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType
+
+
+class FarGraph(Record):
+    """A kind of graph.
+
+    Attributes:
+        title: name in texts, such as `ROS 2`.
+        name: stands for the name of a node in rosapi's lists.
+        logger: name of its log.
+        own_topics: topics that nodes there and this server each have for themselves.
+        own_folders: prefixes of such topics.
+        is_name: returns True if a topic may have a name there.
+        type_of: returns `pkg/Type` for the name of a type there; None if it is no message.
+        spell_type: returns the name of a type there for the name of a `FarType`.
+        one_too_many: advice if another program publishes the same topic.
+        endpoints_per_turn: writers and readers that one turn opens, by the time that the library takes for a new one.
+        keeps_latched: our node keeps latched messages for late subscribers, so it gets them before there is one.
+    """
+
+    title: str
+    name: str
+    logger: str
+    own_topics: frozenset[str]
+    own_folders: tuple[str, ...]
+    is_name: Callable[[str], bool]
+    type_of: Callable[[str], str | None]
+    spell_type: Callable[[str], str]
+    one_too_many: str
+    endpoints_per_turn: int
+    keeps_latched: bool
+
+
+class FarType(Protocol):
+    """A message type as nodes there know it.
+
+    Attributes:
+        name: its name there.
+        type: the type in the store of the bus.
+        has_same_bytes: the bytes of the bus for `cbor-raw` are those of the graph.
+    """
+
+    name: str
+    type: MessageType
+    has_same_bytes: bool
+
+    def encode(self, message: Message) -> bytes:
+        """Return the bytes of a message, made once for all who want them.
+
+        Raises:
+            EncodingError: it cannot be written, because of an internal error.
+        """
+
+    def decode(self, raw: bytes, stamp_ns: int) -> Struct:
+        """Return the checked value of a message.
+
+        Args:
+            raw: its bytes.
+            stamp_ns: the present time, for a header without a stamp [ns].
+
+        Raises:
+            FieldError: the bytes are not a message of the type, or are too many.
+        """
+
+
+Type = TypeVar("Type", bound=FarType)
+Given_contra = TypeVar("Given_contra", bound=FarType, contravariant=True)
+Found_co = TypeVar("Found_co", bound=FarType, covariant=True)
+
+
+class FarTypes(Protocol[Found_co]):
+    """All types as nodes there know them."""
+
+    def find(self, name: str) -> Found_co:
+        """Return a type.
+
+        Args:
+            name: `pkg/Type`, in any spelling.
+
+        Raises:
+            PeerError: there is none, or nodes there cannot exchange it.
+        """
+
+
+class Endpoint(Record):
+    """A publisher or subscription of another program on the graph.
+
+    Attributes:
+        key: tells endpoints apart.
+        topic: name of the topic on our bus.
+        type_name: name of its type there.
+        is_writer: it publishes.
+        quality: what it offers or asks for.
+        node: name of its node; empty if the node has not told its name.
+        is_named: false if its node may still tell its name; then the endpoint will be noted again.
+        program: GUID of its program, as `guid_text` writes it; empty where there are none.
+    """
+
+    key: str
+    topic: str
+    type_name: str
+    is_writer: bool
+    quality: Quality
+    node: str
+    is_named: bool = True
+    program: str = ""
+
+
+class FarNode(Protocol[Given_contra]):
+    """Our node on the graph. Names of topics are those of our bus."""
+
+    def open_writer(self, topic: str, far_type: Given_contra, quality: Quality, *, is_sole: bool) -> None:
+        """Publish on a topic; other nodes see it from now on.
+
+        Args:
+            quality: what is offered.
+            is_sole: its user data tells other nodes that it must be the only publisher of its topic.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+
+    def open_reader(self, topic: str, far_type: Given_contra, quality: Quality) -> None:
+        """Subscribe to a topic. Its messages go to the gateway.
+
+        Args:
+            quality: what is asked for.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+
+    def close_writer(self, topic: str) -> None:
+        """Stop to publish on a topic."""
+
+    def close_reader(self, topic: str) -> None:
+        """Stop to subscribe to a topic."""
+
+    def write(self, topic: str, raw: bytes) -> bool:
+        """Send a message on a topic that has a writer. It never waits for a slow subscriber.
+
+        Args:
+            raw: the message in the bytes of the graph.
+
+        Returns:
+            False if it was dropped, because too much waits for a slow subscriber already.
+        """
