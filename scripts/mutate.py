@@ -79,6 +79,7 @@ TESTS = {
     "world/followers": f"{_WORLD} {_DRIVES}",
     "world/people": f"{_WORLD} {_DRIVES}",
     "world/vehicle": f"{_WORLD} {_DRIVES}",
+    "campaigns": "campaigns",
 }
 """The central files and folders, with the tests that should notice their mutants."""
 

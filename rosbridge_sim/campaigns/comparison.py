@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -123,7 +122,7 @@ def compare_results(before: Sequence[Result], after: Sequence[Result]) -> Compar
 def _scores_changed(before: Result, after: Result) -> str:
     parts = []
     for name in ("distance", "min_time_to_collision", "max_lane_offset", "mean_speed"):
-        first, second = before.scores.get(name, math.nan), after.scores.get(name, math.nan)
-        if first != second:
+        first, second = before.scores.get(name), after.scores.get(name)
+        if first is not None and second is not None and first != second:
             parts.append(f"{name} {first:.4g} -> {second:.4g}")
     return ", ".join(parts) or "the scores are the same"

@@ -19,6 +19,10 @@ from rosbridge_sim.campaigns.tables import Cell
 
 NUM_NEIGHBOURS: Final = 5
 
+NEIGHBOURS_ALONE: Final = 8
+"""Along one parameter alone the neighbours are every eighth run, if these are more: the others differ in all else, and
+the mean of five of them is mostly chance."""
+
 MAX_LOOKED_AT: Final = 200
 """Most runs of a driver, most parameters and most drivers that are looked at, so that the work stays below a second."""
 MAX_PARAMETERS: Final = 6
@@ -84,9 +88,10 @@ def _ranks(values: Sequence[Cell]) -> npt.NDArray[np.float64]:
 def _explained(places: npt.NDArray[np.float64], outcome: npt.NDArray[np.float64]) -> float:
     """Return the share of the variance that the neighbours explain; 0 where nothing differs."""
     variance = float(outcome.var())
-    if variance == 0.0 or len(outcome) <= NUM_NEIGHBOURS:
+    num = NUM_NEIGHBOURS if places.shape[1] > 1 else max(NUM_NEIGHBOURS, len(outcome) // NEIGHBOURS_ALONE)
+    if variance == 0.0 or len(outcome) <= num:
         return 0.0
     distances = np.square(places[:, None] - places[None]).sum(axis=-1)
     np.fill_diagonal(distances, np.inf)
-    nearest = np.argsort(distances, axis=1, kind="stable")[:, :NUM_NEIGHBOURS]
+    nearest = np.argsort(distances, axis=1, kind="stable")[:, :num]
     return max(1.0 - float(np.square(outcome - outcome[nearest].mean(axis=1)).mean()) / variance, 0.0)

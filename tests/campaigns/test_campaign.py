@@ -9,7 +9,8 @@ import pytest
 
 from rosbridge_sim.campaigns.assignments import change_document
 from rosbridge_sim.campaigns.campaign import Campaign, check_search, is_skipped, plan_runs, read_campaign
-from rosbridge_sim.campaigns.parameter_sets import expand_parameters
+from rosbridge_sim.campaigns.campaign_model import ParameterItem
+from rosbridge_sim.campaigns.parameter_sets import expand_parameters, place_in
 from rosbridge_sim.errors import DocumentError
 
 
@@ -50,6 +51,12 @@ def test_runs_are_every_scenario_driver_point_and_seed_in_this_order() -> None:
     assert len({run.key for run in runs}) == 80
 
 
+def test_one_scenario_with_a_number_of_seeds_is_planned_as_lists_are() -> None:
+    campaign = campaign_of('scenario = "town"\nseeds = 3')
+    assert (campaign.scenarios, campaign.seeds) == (("town",), (0, 1, 2))
+    assert campaign_of('scenario = "town"\nseeds = [0, 4294967295]').seeds == (0, 4294967295)
+
+
 def test_assignments_are_expressions_over_the_parameters() -> None:
     campaign = campaign_of(WHOLE)
     values = campaign.values_of(plan_runs(campaign)[12])
@@ -86,6 +93,9 @@ def test_assignments_are_expressions_over_the_parameters() -> None:
         ('scenario = "town"\n[set]\n"scenario.a..b" = 3', "expected a path"),
         ('scenario = "town"\n[set]\n"setting.weather" = "rain"', "no value 'rain'"),
         ('scenario = ["town", "town"]', "none twice"),
+        ('scenario = "town"\nseeds = []', "seeds: expected at least one"),
+        ('scenario = "town"\nseeds = [4294967296]', "from 0 to 4294967295"),
+        ('scenario = "town"\nseeds = [1.0]', "from 0 to 4294967295"),
         ('scenario = "town"\nseeds = [-1]', "from 0 to 4294967295"),
         ('scenario = "town"\nseeds = 1000000000000', "a whole number from 1 to 100000"),
         ("scenario = 3", "scenario: expected a text, or a list of texts, got 3"),
@@ -160,6 +170,18 @@ def test_chance_depends_on_its_seed_alone() -> None:
     assert all(isinstance(point["a"], int) and point["w"] in {"x", "y"} for point in points(text.format(1)))
 
 
+def test_place_in_a_list_or_a_range_is_that_of_a_share_of_it() -> None:
+    words, whole = ParameterItem(values=["a", "b", "c", "d"]), ParameterItem(low=-1.0, high=3.0, whole=True)
+    shares = (0.0, 0.249, 0.25, 0.99, 1.0)
+    assert [place_in(words, share) for share in shares] == ["a", "a", "b", "d", "d"]
+    assert [place_in(whole, share) for share in shares] == [-1, 0, 0, 3, 3]
+    assert place_in(ParameterItem(low=0.0, high=0.3), 1.0 / 3.0 * 3.0 - 2.0 / 3.0) == 0.1
+    assert (
+        points("[parameters]\na = { low = 2, high = 4, num = 1 }\nb = { low = 5, high = 5, num = 2 }")
+        == [{"a": 3.0, "b": 5.0}] * 2
+    )
+
+
 def test_list_takes_the_nth_values_together() -> None:
     assert points('sampling = "list"\n[parameters]\na = [1, 2]\nb = { low = 5, high = 6, num = 2 }') == [
         {"a": 1, "b": 5.0},
@@ -172,9 +194,18 @@ def test_condition_skips_runs() -> None:
     assert [is_skipped(campaign, {"a": a}, seed) for a, seed in ((1, 0), (2, 0), (2, 1))] == [False, True, False]
 
 
-def test_search_needs_ranges() -> None:
+@pytest.mark.parametrize("values", ["[1, 2]", "{ low = 2, high = 2 }"])
+def test_search_needs_ranges(values: str) -> None:
     with pytest.raises(DocumentError, match=r"parameters\.a: a search needs a range"):
-        check_search(campaign_of('scenario = "town"\n[search]\n[parameters]\na = [1, 2]'))
+        check_search(campaign_of(f'scenario = "town"\n[search]\n[parameters]\na = {values}'))
+
+
+def test_fields_that_limits_read_are_those_of_all_their_expressions() -> None:
+    limits = campaign_of(
+        'scenario = "town"\n[limits.own.a]\nalways = "/plan.speed < 3 and /wish.x > 1"\n'
+        '[limits.own.b]\nend = "count(/plan.speed > 2) == 1 or /last.y < 0"'
+    ).limits
+    assert {each.text for each in limits.fields} == {"/plan.speed", "/wish.x", "/last.y"}
 
 
 def test_change_of_a_document_shares_the_rest_and_leaves_it_as_it_was() -> None:

@@ -57,6 +57,27 @@ def test_value_at_the_end_is_that_of_the_last_frame() -> None:
     assert judged({"slow": {"end": f"last({FIELD}) < 2"}}, [1.0, None])[1] == []
 
 
+def test_limit_without_a_value_yet_does_not_keep_others_from_being_judged() -> None:
+    own, found = judged({"a": {"always": f"{FIELD} < 2"}, "b": {"always": "x < 2"}}, [None, None, 1.0])
+    assert ([each[:2] for each in found], own.trouble) == ([("b", 0.04)], "")
+    own, found = judged({"a": {"end": f"{FIELD} < 2"}, "b": {"end": "x < 2"}}, [None, None])
+    assert [each[:2] for each in found] == [("b", 0.04)]
+    assert own.trouble.startswith("c: limits.own.a.end: /plan.speed has no value")
+
+
+def test_division_by_zero_at_the_end_is_told() -> None:
+    own, found = judged({"a": {"end": f"1 / ({FIELD} - 4) < 9"}}, [4.0])
+    assert (own.trouble.partition(" by")[0], found) == ("c: limits.own.a.end: a division", [])
+    assert not own.is_judging
+
+
+def test_nothing_is_judged_without_limits_or_without_a_frame() -> None:
+    own, found = judged({"a": {"always": "x < 2"}}, [])
+    assert (own.is_judging, own.trouble, found) == (True, "", [])
+    assert judged({"a": {"end": "x < 2"}}, [])[0].is_judging
+    assert not judged({}, [1.0])[0].is_judging
+
+
 def test_limit_that_begins_after_the_end_of_the_drive_is_told() -> None:
     own, _ = judged({"late": {"always": f"{FIELD} < 2", "after": 9.0}}, [1.0])
     assert own.trouble == "c: limits.own.late.always: it was never judged: the drive ended before"

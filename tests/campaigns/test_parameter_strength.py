@@ -43,6 +43,13 @@ def test_parameters_that_decide_are_found_also_by_a_band_in_the_middle(
     assert strongest_parameters(columns_of(bad), NAMES) == found
 
 
+def test_two_of_many_parameters_are_found() -> None:
+    columns = columns_of(lambda a, b, _c: a + b > 1.2)
+    rng = np.random.default_rng(5)
+    others = {f"other{i}": rng.random(len(columns["a"])).tolist() for i in range(6)}
+    assert strongest_parameters({**others, **columns}, [*others, "b", "c", "a"]) == ["b", "a"]
+
+
 def test_score_counts_where_all_runs_pass() -> None:
     assert "c" in strongest_parameters(columns_of(lambda *_: False), NAMES)
 
