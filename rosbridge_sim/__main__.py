@@ -25,15 +25,20 @@ def main() -> int:
     """Run the command that the command line names; return the exit code."""
     argv = sys.argv[1:]
     name = argv.pop(0) if argv and not argv[0].startswith("-") else "serve"
-    if name == "ros2" and argv and argv[0] != "check" and argv[0] in _COMMANDS.keys() | _ABSENT.keys():
+    commands = _SERVERS
+    if name not in commands:
+        from rosbridge_sim.cli.command_table import TOOLS  # noqa: PLC0415 - not needed by serve
+
+        commands = {**_SERVERS, **TOOLS}
+    if name == "ros2" and argv and argv[0] != "check" and argv[0] in commands.keys() | _ABSENT.keys():
         name = argv.pop(0)
     name = _SAME_AS.get(name, name)
     try:
         if name in _ABSENT:
             raise SettingError(f"{name}: {_ABSENT[name]}")
-        if name not in _COMMANDS:
-            raise SettingError(f"no such command: {name}{hint(name, _COMMANDS)}; --help lists them")
-        code = _COMMANDS[name](argv)
+        if name not in commands:
+            raise SettingError(f"no such command: {name}{hint(name, commands)}; --help lists them")
+        code = commands[name](argv)
         sys.stdout.flush()
     except DocumentError as error:
         for line in str(error).splitlines():  # a settings file may have several mistakes
@@ -70,50 +75,7 @@ def _attach(argv: Sequence[str]) -> int:
     return _serve(argv, is_attaching=True)
 
 
-def _tool(name: str) -> Callable[[Sequence[str]], int]:
-    def run(argv: Sequence[str]) -> int:
-        from rosbridge_sim.cli.command_table import TOOLS  # noqa: PLC0415 - not needed by serve
-
-        return TOOLS[name](argv)
-
-    return run
-
-
-_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
-    "serve": _serve,
-    "attach": _attach,
-    **{
-        name: _tool(name)
-        for name in (
-            "topic",
-            "service",
-            "node",
-            "param",
-            "action",
-            "sync",
-            "tick",
-            "step",
-            "score",
-            "snapshot",
-            "restore",
-            "spawn",
-            "sensor",
-            "shot",
-            "clip",
-            "layout",
-            "wait",
-            "schema",
-            "interface",
-            "bag",
-            "scenario",
-            "map",
-            "record",
-            "ros2",
-            "docs",
-            "campaign",
-        )
-    },
-}
+_SERVERS: dict[str, Callable[[Sequence[str]], int]] = {"serve": _serve, "attach": _attach}
 
 _SAME_AS = {
     **{f"ros{name}": name for name in ("topic", "service", "node", "param", "action", "bag")},

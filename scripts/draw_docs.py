@@ -32,8 +32,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from rosbridge_sim import Simulator  # noqa: E402
-from rosbridge_sim.cli.file_commands import run_scenario  # noqa: E402
-from rosbridge_sim.cli.picture_commands import run_shot  # noqa: E402
+from rosbridge_sim.cli.command_table import TOOLS  # noqa: E402
 from scripts.docs_pages.svg import INK, Point, document, text  # noqa: E402
 
 IMAGES: Final = ROOT / "docs" / "images"
@@ -76,7 +75,7 @@ def draw_scene(name: str, path: Path) -> None:
     """
     with tempfile.TemporaryDirectory() as folder:
         large = Path(folder) / f"{name}.png"
-        run_scenario(["check", name, "--picture", str(large)])
+        TOOLS["scenario"](["check", name, "--picture", str(large)])
         picture = Image.open(large).convert("RGB")
         picture.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
         picture.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(path, optimize=True)
@@ -192,7 +191,7 @@ def draw_own_scenario(path: Path) -> None:
         file = Path(folder) / "crossing.json"
         file.write_text(json.dumps(read_own_scenario()), "utf-8")
         words = ["--scenario", str(file), "--weather", "dusk", "--at", "5", "--size", "1000x560", "-o", str(path)]
-        if run_shot(words):
+        if TOOLS["shot"](words):
             raise SystemExit(f"{path}: it cannot be drawn")
 
 

@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
-
-from rosbridge_sim.cli.bridge_flags import COUNT, SECONDS, add_bridge, add_without_effect, with_bridge
+from rosbridge_sim.cli.bridge_flags import COUNT, SECONDS, add_bridge, add_without_effect
 from rosbridge_sim.cli.command_line import (
     Options,
     add_definitions,
     add_json,
     command_of,
-    definition_sources_of,
     group_of,
     make_number,
-    run_command,
+    run_tool,
 )
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
-if TYPE_CHECKING:
-    from rosbridge_sim.cli.tools.tool_client import Bridge
-
 _speed = make_number(0.001, 1e4, "a factor, at most 10,000", float)
 
 
-def run_bag(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim bag ...`."""
+def make_bag() -> Parser:
+    """Return the parser of `rosbridge-sim bag ...`."""
     absent = dict.fromkeys(
         ("check", "compress", "convert", "decompress", "filter", "fix", "migrate"),
         "bags are not changed here; the tools of the PyPI package rosbags do that without ROS",
@@ -34,7 +27,7 @@ def run_bag(argv: Sequence[str]) -> int:
     text = "Bag files: show, play, record and repair. Only play and record need a server."
     group, add = group_of("bag", text, absent)
 
-    parser = add("info", _show_bag, "show duration, size and topics of a bag")
+    parser = add("info", "files.bag_info.show_bag", "show duration, size and topics of a bag")
     parser.add_argument("file", metavar="FILE", help=_BAG)
     add_json(parser)
 
@@ -42,28 +35,17 @@ def run_bag(argv: Sequence[str]) -> int:
     _add_record(add("record", _record, "record topics of a rosbridge into a bag, until Ctrl-C"), "TOPIC")
 
     for name in ("repair", "reindex"):
-        parser = add(name, _repair, "copy the complete parts of a bag, whose recorder was killed, into a new bag")
+        text = "copy the complete parts of a bag, whose recorder was killed, into a new bag"
+        parser = add(name, "files.bag_repair.repair_bag", text)
         parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
         parser.add_argument(
             "-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, with the old suffix]"
         )
         add_json(parser)
-    return run_command(group, argv)
+    return group
 
 
 _BAG = "NAME.bag, NAME.mcap, NAME.db3, or a folder of rosbag2"
-
-
-def _show_bag(options: Options) -> int:
-    from rosbridge_sim.cli.files.bag_info import show_bag  # noqa: PLC0415 - not before the command is known
-
-    return show_bag(options.file, is_json=options.json)
-
-
-def _repair(options: Options) -> int:
-    from rosbridge_sim.cli.files import bag_repair as bag  # noqa: PLC0415
-
-    return bag.repair_bag(options.file, options.output, is_json=options.json)
 
 
 # play
@@ -73,7 +55,9 @@ def _add_play(parser: Parser) -> None:
     parser.add_argument("file", metavar="FILE", help=_BAG)
     text = "play at FACTOR times the recorded speed [1]"
     parser.add_argument("-r", "--rate", type=_speed, default=1.0, metavar="FACTOR", help=text)
-    parser.add_argument("-l", "--loop", action="store_true", help="begin again at the end, until Ctrl-C")
+    parser.add_argument(
+        "-l", "--loop", dest="is_looping", action="store_true", help="begin again at the end, until Ctrl-C"
+    )
     text = "leave out the first SECONDS"
     parser.add_argument("-s", "--start", "--start-offset", type=SECONDS, default=0.0, metavar="SECONDS", help=text)
     text = "end after so many seconds of the bag"
@@ -87,7 +71,7 @@ def _add_play(parser: Parser) -> None:
 
 
 def _play(options: Options) -> int:
-    from rosbridge_sim.cli.tools.bag_play import Selection, play  # noqa: PLC0415
+    from rosbridge_sim.cli.tools.bag_play import Selection  # noqa: PLC0415 - with the readers of bags
 
     pairs = [one.partition(":=") for one in options.remap]
     if not all(old and new for old, _, new in pairs):
@@ -95,29 +79,18 @@ def _play(options: Options) -> int:
     selection = Selection(
         tuple(options.topics), {old: new for old, _, new in pairs}, options.start, options.start + options.duration
     )
-    options.end = 0 if options.loop else options.end
-    return with_bridge(
-        options,
-        lambda bridge: play(
-            bridge,
-            options.file,
-            selection,
-            definition_sources_of(options),
-            rate=options.rate,
-            is_looping=options.loop,
-            is_json=options.json,
-        ),
-    )
+    options.end = 0 if options.is_looping else options.end
+    return run_tool("tools.bag_play.play", options, selection=selection)
 
 
 # record
 
 
-def run_record(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim record`."""
+def make_record() -> Parser:
+    """Return the parser of `rosbridge-sim record`."""
     parser = command_of("record", _record, "Record topics of a rosbridge into a bag, until Ctrl-C.")
     _add_record(parser, "FILE")
-    return run_command(parser, argv)
+    return parser
 
 
 def _add_record(parser: Parser, first: str) -> None:
@@ -149,22 +122,8 @@ def _add_record(parser: Parser, first: str) -> None:
 
 
 def _record(options: Options) -> int:
-    from rosbridge_sim.cli.tools import record  # noqa: PLC0415
-
     words: list[str] = options.words
     file = options.output or (words.pop(0) if options.has_file and words else None)
     if file is None and options.has_file:
         raise SettingError("the following arguments are required: FILE; see rosbridge-sim record --help")
-
-    async def work(bridge: Bridge) -> int:
-        return await record.record(
-            bridge,
-            file or await record.default_name(bridge),
-            (*options.topics, *words),
-            definition_sources_of(options),
-            options.count,
-            patience=options.wait,
-            is_json=options.json,
-        )
-
-    return with_bridge(options, work)
+    return run_tool("tools.record.record", options, file=file, patterns=(*options.topics, *words))

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import os
 import re
-from collections.abc import Awaitable, Callable, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
 
-from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number
+from rosbridge_sim.cli.command_line import ANSWER_PATIENCE, Work, add_json, group_of, make_number
 from rosbridge_sim.cli.tools.text import note
 from rosbridge_sim.link.arguments import PREFIX, Parser
 from rosbridge_sim.link.urls import shown_url
 
-if TYPE_CHECKING:
-    from rosbridge_sim.cli.tools.tool_client import Bridge
-
 DEFAULT_URL = "ws://127.0.0.1:9090"
-
-ANSWER_PATIENCE = 5.0
-"""Default of the longest wait for an answer [s]: rosbridge_suite's own time-out of a call."""
 
 CALL_PATIENCE = 30.0
 """Default of the longest wait for the answer of a called service [s]: loading a scenario takes a while."""
@@ -50,33 +42,13 @@ _WITHOUT_EFFECT: dict[str, tuple[int | str | None, str]] = {
 """Flag of the tools of ROS -> its number of values (None is one), and why it has no effect here."""
 
 
-def with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> int:
-    """Connect to a server, run the work, and close the connection.
-
-    Args:
-        options: `url`, `token` and `patience`, or `wait` in place of it.
-        work: gets the connection, and returns the exit code.
-
-    Returns:
-        The exit code.
-    """
-    from rosbridge_sim.cli.tools.tool_client import open_bridge  # noqa: PLC0415 - not needed for --help or after a mistake
-
-    async def main() -> int:
-        patience = vars(options).get("wait") or options.patience
-        async with open_bridge(options.url, options.token, patience) as bridge:
-            return await work(bridge)
-
-    return asyncio.run(main())
-
-
 def bridge_group(
     name: str, text: str, absent: Mapping[str, str] | None = None
 ) -> tuple[Parser, Callable[..., Parser], Callable[..., Parser]]:
     """Return the parser of `rosbridge-sim NAME` and two functions that add a command to it.
 
-    The first is that of `group_of`. The second, `row(command, work, text, *words)`, adds a command that talks to a
-    server: `work` gets the connection and the flags, and `words` are its arguments.
+    The first is that of `group_of`. The second, `row(command, work, text, **words)`, adds a command that talks to a
+    server: `words` are its arguments, parameter -> word in the help.
 
     Args:
         text: description for the help.
@@ -84,10 +56,10 @@ def bridge_group(
     """
     group, add = group_of(name, text, absent)
 
-    def row(command: str, work: Callable[[Bridge, Options], Awaitable[int]], text: str, *words: str) -> Parser:
-        parser = add(command, lambda options: with_bridge(options, lambda bridge: work(bridge, options)), text)
-        for word in words:
-            parser.add_argument(word.lower(), metavar=word)
+    def row(command: str, work: Work, text: str, **words: str) -> Parser:
+        parser = add(command, work, text)
+        for parameter, word in words.items():
+            parser.add_argument(parameter, metavar=word)
         add_bridge(parser)
         return parser
 
@@ -118,7 +90,8 @@ def add_count(parser: Parser, things: str) -> None:
 
 def add_types(parser: Parser) -> None:
     """Add the flag that prints types behind names."""
-    parser.add_argument("-t", "--types", "--show-types", action="store_true", help="with types, in brackets")
+    text = "with types, in brackets"
+    parser.add_argument("-t", "--types", "--show-types", action="store_true", help=text)
 
 
 def add_without_effect(parser: Parser, flags: Mapping[str, tuple[int | str | None, str]]) -> None:
@@ -148,8 +121,7 @@ def add_bridge(
     add_without_effect(parser, _WITHOUT_EFFECT)
     if is_waiting:
         text = "longest wait for a message, and for an answer; then end with code 1 and the reason"
-        parser.add_argument("--timeout", dest="wait", type=SECONDS, metavar="SECONDS", help=f"{text} [for ever]")
-        parser.set_defaults(patience=patience)
+        parser.add_argument("--timeout", dest="patience", type=SECONDS, metavar="SECONDS", help=f"{text} [for ever]")
         return
     text = "longest time for the service; 0 is no limit" if is_call else "longest wait for an answer"
     parser.add_argument(

@@ -5,17 +5,16 @@ from __future__ import annotations
 import argparse
 import os
 import re
-from collections.abc import Sequence
 
-from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number, run_command
+from rosbridge_sim.cli.command_line import add_json, group_of, make_number
 from rosbridge_sim.link.arguments import Parser
 
 
-def run_campaign(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim campaign ...`."""
+def make_campaign() -> Parser:
+    """Return the parser of `rosbridge-sim campaign ...`."""
     group, add = group_of("campaign", "Many drives with parameters, drivers and limits; no server is needed.")
 
-    parser = add("run", _run, "drive all runs of a campaign, and write tables and a report")
+    parser = add("run", "campaigns.campaign_run.run", "drive all runs of a campaign, and write tables and a report")
     _add_file(parser)
     parser.add_argument(
         "-o",
@@ -33,6 +32,7 @@ def run_campaign(argv: Sequence[str]) -> int:
     )
     parser.add_argument(
         "--retry-killed",
+        dest="num_retries",
         type=make_number(0, 100, "a whole number from 0 to 100", int),
         default=1,
         metavar="N",
@@ -41,46 +41,67 @@ def run_campaign(argv: Sequence[str]) -> int:
     parser.add_argument(
         "--shard", type=_read_shard, metavar="I/N", help="drive every N-th run alone, from run I on; `merge` joins them"
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the results that are there")
-    parser.add_argument("--dry-run", action="store_true", help="list the runs, and drive none")
+    parser.add_argument(
+        "--resume", dest="is_resumed", action="store_true", help="go on with the results that are there"
+    )
+    parser.add_argument("--dry-run", dest="is_dry", action="store_true", help="list the runs, and drive none")
     parser.add_argument(
         "--ray", metavar="ADDRESS|local", help="drive on a Ray cluster; needs the extra rosbridge-sim[ray]"
     )
     add_json(parser)
 
-    parser = add("check", _check, "explain a campaign's file: its mistakes, and what it would drive")
+    parser = add(
+        "check", "campaigns.campaign_run.check", "explain a campaign's file: its mistakes, and what it would drive"
+    )
     _add_file(parser)
     add_json(parser)
 
-    parser = add("list", _list, "list the runs of a folder of results")
+    parser = add("list", "campaigns.campaign_results.list_runs", "list the runs of a folder of results")
     _add_folder(parser)
     parser.add_argument(
         "--verdict", choices=("pass", "fail", "error", "skipped", "flaky"), help="only the runs with this verdict"
     )
     add_json(parser)
 
-    parser = add("show", _show, "explain one run: parameters, verdict, scores, files, the driver's output")
+    parser = add(
+        "show",
+        "campaigns.campaign_results.show",
+        "explain one run: parameters, verdict, scores, files, the driver's output",
+    )
     _add_run(parser)
 
-    parser = add("repeat", _repeat, "drive one run again, and say whether it ends in the same state")
+    parser = add(
+        "repeat", "campaigns.campaign_run.repeat", "drive one run again, and say whether it ends in the same state"
+    )
     _add_run(parser)
 
-    parser = add("report", _report, "write tables and report.html of a folder of results anew")
+    parser = add(
+        "report", "campaigns.campaign_results.report", "write tables and report.html of a folder of results anew"
+    )
     _add_folder(parser)
 
-    parser = add("merge", _merge, "join folders of results of one campaign, such as those of its shards")
+    parser = add(
+        "merge", "campaigns.campaign_run.merge", "join folders of results of one campaign, such as those of its shards"
+    )
     parser.add_argument("folders", nargs="+", metavar="DIR", help="folders of results")
     parser.add_argument("-o", "--output", required=True, metavar="DIR", help="new folder of the results")
     add_json(parser)
 
-    parser = add("compare", _compare, "list what changed between two folders of results, regressions first")
+    parser = add(
+        "compare",
+        "campaigns.campaign_results.compare",
+        "list what changed between two folders of results, regressions first",
+    )
     parser.add_argument("before", metavar="BEFORE", help="folder of results")
     parser.add_argument("after", metavar="AFTER", help="folder of results of the same campaign, or of one like it")
     parser.add_argument(
-        "--allow-missing", action="store_true", help="runs of BEFORE that AFTER does not have are no failure"
+        "--allow-missing",
+        dest="may_lack",
+        action="store_true",
+        help="runs of BEFORE that AFTER does not have are no failure",
     )
     add_json(parser)
-    return run_command(group, argv)
+    return group
 
 
 def _read_shard(text: str) -> tuple[int, int]:
@@ -104,64 +125,3 @@ def _add_run(parser: Parser) -> None:
         "number", type=make_number(1, 100_000, "the number of a run", int), metavar="RUN", help="number of the run"
     )
     add_json(parser)
-
-
-# Each imports its tool when it runs, with numpy and the world.
-
-
-def _run(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
-
-    return campaign_run.run(
-        options.file,
-        options.output,
-        num_jobs=options.jobs,
-        num_retries=options.retry_killed,
-        shard=options.shard,
-        is_resumed=options.resume,
-        is_dry=options.dry_run,
-        ray=options.ray,
-        is_json=options.json,
-    )
-
-
-def _check(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
-
-    return campaign_run.check(options.file, is_json=options.json)
-
-
-def _list(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
-
-    return campaign_results.list_runs(options.folder, options.verdict, is_json=options.json)
-
-
-def _show(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
-
-    return campaign_results.show(options.folder, options.number, is_json=options.json)
-
-
-def _repeat(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
-
-    return campaign_run.repeat(options.folder, options.number, is_json=options.json)
-
-
-def _report(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
-
-    return campaign_results.report(options.folder)
-
-
-def _merge(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
-
-    return campaign_run.merge(options.folders, options.output, is_json=options.json)
-
-
-def _compare(options: Options) -> int:
-    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
-
-    return campaign_results.compare(options.before, options.after, may_lack=options.allow_missing, is_json=options.json)

@@ -8,24 +8,27 @@ pipe (`| head`) is not an error. The tools are imported only when the command is
 from __future__ import annotations
 
 import argparse
+import asyncio
 import errno
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import import_module
+from inspect import iscoroutine, signature
 from io import TextIOWrapper
-from typing import TYPE_CHECKING
+from typing import Any
 
 from rosbridge_sim.cli.tools.text import note
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import Parser, layout
 from rosbridge_sim.link.bridge_errors import RefusedError
 
-if TYPE_CHECKING:
-    from rosbridge_sim.cli.tools.schema import DefinitionSources
-
 INTERRUPTED = 130
 """Exit code of a program that Ctrl-C has ended, as in a shell."""
+
+ANSWER_PATIENCE = 5.0
+"""Default of the longest wait for an answer [s]: rosbridge_suite's own time-out of a call."""
 
 OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors of a disk, or of a terminal that is closed."""
@@ -81,34 +84,65 @@ def drop_output() -> None:
     os.close(nowhere)
 
 
+def run_tool(place: str, options: Options, **more: Any) -> int:  # noqa: ANN401 - of any function
+    """Run a function of `rosbridge_sim.cli`, which is imported only now: help needs no connection.
+
+    Each of its parameters gets the flag of the same name, `is_json` that of `--json`, and `num_jobs` that of `--jobs`.
+    `sources` are the message definitions that flags select; `bridge` is a connection to the server at `url`, open while
+    a coroutine runs.
+
+    Args:
+        place: module and function, such as `tools.node.list_nodes`.
+        more: values of parameters that are no flags, or that differ from them.
+
+    Returns:
+        The exit code.
+    """
+    module, _, name = place.rpartition(".")
+    work = getattr(import_module(f"rosbridge_sim.cli.{module}"), name)
+    names = signature(work).parameters
+    given = {**vars(options), **more}
+    if "sources" in names:
+        from rosbridge_sim.cli.tools.schema import DefinitionSources  # noqa: PLC0415 - with all that knows definitions
+
+        given["sources"] = DefinitionSources(options.release, given.get("ros"), tuple(options.schema_path))
+
+    def run(**opened: object) -> Any:  # noqa: ANN401 - as above
+        chosen = given | opened
+        return work(**{each: chosen[each if each in chosen else each.partition("_")[2]] for each in names})
+
+    async def run_connected() -> int:
+        from rosbridge_sim.cli.tools.tool_client import open_bridge  # noqa: PLC0415 - not needed after a mistake
+
+        async with open_bridge(options.url, options.token, options.patience or ANSWER_PATIENCE) as bridge:
+            return await run(bridge=bridge) or 0
+
+    done: Any = run_connected() if "bridge" in names else run()
+    code: int | None = asyncio.run(done) if iscoroutine(done) else done
+    return code or 0
+
+
 # Common flags
 
 
-class LazyTool:
-    """A module of `cli.tools` that is imported when its command runs: help needs no connection.
-
-    Args:
-        name: of the module.
-    """
-
-    def __init__(self, name: str) -> None:
-        self._name = name
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(import_module(f"rosbridge_sim.cli.tools.{self._name}"), name)
+Work = Callable[[Options], int] | str
+"""Does a command's work and returns the exit code; a text is a place for `run_tool`."""
 
 
-def command_of(name: str, run: Callable[[Options], int], text: str, epilog: str | None = None) -> Parser:
+def _set_work(parser: Parser, work: Work) -> None:
+    parser.set_defaults(run=partial(run_tool, work) if isinstance(work, str) else work)
+
+
+def command_of(name: str, work: Work, text: str, epilog: str | None = None) -> Parser:
     """Return the parser of `rosbridge-sim NAME`.
 
     Args:
-        run: does the command's work, and returns the exit code.
         text: description for the help.
         epilog: what stands below the flags.
     """
     prog = f"rosbridge-sim {name}"
     parser = Parser(prog=prog, description=text, epilog=epilog, allow_abbrev=False, formatter_class=layout)
-    parser.set_defaults(run=run)
+    _set_work(parser, work)
     return parser
 
 
@@ -127,11 +161,11 @@ def group_of(name: str, text: str, absent: Mapping[str, str] | None = None) -> t
     group.absent = absent or {}
     commands = group.add_subparsers(title="commands", metavar="COMMAND", dest="command")
 
-    def add(command: str, run: Callable[[Options], int], text: str) -> Parser:
+    def add(command: str, work: Work, text: str) -> Parser:
         parser: Parser = commands.add_parser(
             command, help=text, description=f"{text[0].upper()}{text[1:]}.", allow_abbrev=False, formatter_class=layout
         )
-        parser.set_defaults(run=run)
+        _set_work(parser, work)
         return parser
 
     return group, add
@@ -148,13 +182,6 @@ def add_definitions(parser: Parser) -> None:
     parser.add_argument(
         "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
     )
-
-
-def definition_sources_of(options: Options) -> DefinitionSources:
-    """Return the values of these flags; without `--ros` the generation stays open."""
-    from rosbridge_sim.cli.tools.schema import DefinitionSources  # noqa: PLC0415 - with all that knows definitions
-
-    return DefinitionSources(options.release, vars(options).get("ros"), tuple(options.schema_path))
 
 
 def make_number(low: float, high: float, what: str, as_type: type[int | float]) -> Callable[[str], float]:

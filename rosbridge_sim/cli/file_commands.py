@@ -2,40 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from rosbridge_sim.cli.command_line import (
-    Options,
-    add_definitions,
-    add_json,
-    command_of,
-    definition_sources_of,
-    group_of,
-    run_command,
-)
+from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, command_of, group_of, run_tool
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
 # schema
 
 
-def run_schema(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim schema ...`."""
+def make_schema() -> Parser:
+    """Return the parser of `rosbridge-sim schema ...`."""
     group, add = group_of("schema", "Message, service and action definitions on this machine; no server is needed.")
 
-    parser = add("list", _list_types, "list all known types")
+    parser = add("list", "tools.schema.list_types", "list all known types")
     parser.add_argument("package", metavar="PACKAGE", nargs="?", help="only the types of this package")
     _add_folders(parser)
 
-    parser = add("show", _show_type, "print the definition of a type")
-    parser.add_argument("type", metavar="TYPE", help="pkg/Type, or Type of any package")
+    parser = add("show", "tools.schema.show_type", "print the definition of a type")
+    parser.add_argument("name", metavar="TYPE", help="pkg/Type, or Type of any package")
     parser.add_argument("--full", action="store_true", help="with the definitions of all types in it")
     _add_folders(parser)
 
-    parser = add("typescript", _write_typescript, "print TypeScript declarations of a package, for roslib.js")
+    text = "print TypeScript declarations of a package, for roslib.js"
+    parser = add("typescript", "tools.schema.write_typescript", text)
     parser.add_argument("package", metavar="PACKAGE", help="such as morai_msgs")
     _add_choice(parser)
-    return run_command(group, argv)
+    return group
 
 
 def _add_folders(parser: Parser) -> None:
@@ -48,31 +39,11 @@ def _add_choice(parser: Parser) -> None:
     parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages")
 
 
-def _list_types(options: Options) -> int:
-    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
-
-    return schema.list_types(options.package, definition_sources_of(options), is_json=options.json)
-
-
-def _show_type(options: Options) -> int:
-    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
-
-    return schema.show_type(options.type, definition_sources_of(options), is_full=options.full, is_json=options.json)
-
-
-def _write_typescript(options: Options) -> int:
-    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
-
-    return schema.write_typescript(options.package, definition_sources_of(options))
-
-
 # interface
 
 
-def run_interface(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim interface ...`."""
-    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
-
+def make_interface() -> Parser:
+    """Return the parser of `rosbridge-sim interface ...`."""
     absent = {
         "md5": "programs behind a rosbridge compare no checksums; rosbridge-sim interface show prints the definition",
         "users": "no package here says what it uses; rosbridge-sim topic find and service find ask a server",
@@ -84,42 +55,40 @@ def run_interface(argv: Sequence[str]) -> int:
         ("package", "list the types of a package"),
         ("packages", "list the packages that have types"),
     ):
-        parser = add(
-            command, lambda o: schema.list_interfaces(o.command, o.package, o.kinds, definition_sources_of(o)), text
-        )
+        parser = add(command, "tools.schema.list_interfaces", text)
         if command == "package":
             parser.add_argument("package", metavar="PACKAGE")
         parser.set_defaults(package=None, kinds=None)
-        for kind in schema.KINDS:
+        for kind in ("msg", "srv", "action"):
             parser.add_argument(
                 f"-{kind[0]}", f"--only-{kind}s", action="append_const", const=kind, dest="kinds", help=f"only {kind}s"
             )
         _add_choice(parser)
 
-    for command, run, text in (
-        ("show", schema.show_interface, "print a definition, with the fields of the messages in it"),
-        ("proto", schema.show_prototype, "print a message, request or goal with its default values"),
+    for command, work, text in (
+        ("show", "show_interface", "print a definition, with the fields of the messages in it"),
+        ("proto", "show_prototype", "print a message, request or goal with its default values"),
     ):
-        parser = add(command, lambda o, run=run: run(o.type, definition_sources_of(o)), text)
-        parser.add_argument("type", metavar="TYPE", help="pkg/Type, pkg/msg/Type, or Type of any package")
+        parser = add(command, f"tools.schema.{work}", text)
+        parser.add_argument("name", metavar="TYPE", help="pkg/Type, pkg/msg/Type, or Type of any package")
         _add_choice(parser)
-    return run_command(group, argv)
+    return group
 
 
 # scenario
 
 
-def run_scenario(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim scenario ...`."""
+def make_scenario() -> Parser:
+    """Return the parser of `rosbridge-sim scenario ...`."""
     group, add = group_of("scenario", "Scenario files; no server is needed.")
 
     parser = add(
         "check",
-        _check_scenario,
+        "files.scenario_report.check_scenarios",
         "explain a scenario file: its mistakes, its contents, and the keys that are used; or check several",
     )
     parser.add_argument(
-        "files",
+        "names",
         metavar="FILE",
         nargs="+",
         help="FILE.json, the name of a scenario as for a server, or a folder of scenarios",
@@ -134,7 +103,7 @@ def run_scenario(argv: Sequence[str]) -> int:
     _add_picture(parser)
     _add_strict(parser)
     add_json(parser)
-    return run_command(group, argv)
+    return group
 
 
 def _add_picture(parser: Parser) -> None:
@@ -143,29 +112,23 @@ def _add_picture(parser: Parser) -> None:
 
 def _add_strict(parser: Parser) -> None:
     parser.add_argument(
-        "--strict", action="store_true", help="exit with code 1 for remarks, too, not only for mistakes"
-    )
-
-
-def _check_scenario(options: Options) -> int:
-    from rosbridge_sim.cli.files import scenario_report as scenario  # noqa: PLC0415
-
-    library, own_map = scenario.open_library(options.map, tuple(options.scenario_path), options.catalogue)
-    return scenario.check_scenarios(
-        options.files, library, own_map, options.picture, is_json=options.json, is_strict=options.strict
+        "--strict",
+        action="store_true",
+        help="exit with code 1 for remarks, too, not only for mistakes",
     )
 
 
 # map
 
 
-def run_map(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim map ...`."""
+def make_map() -> Parser:
+    """Return the parser of `rosbridge-sim map ...`."""
     group, add = group_of("map", "Map folders; no server is needed.")
 
-    parser = add("info", _show_map, "explain a map: its mistakes, missing parts and contents; or check several")
+    text = "explain a map: its mistakes, missing parts and contents; or check several"
+    parser = add("info", "files.map.show_maps", text)
     parser.add_argument(
-        "maps",
+        "names",
         metavar="DIR|NAME",
         nargs="+",
         help="a folder of MGeo files, a folder of such, or a built-in map",
@@ -173,38 +136,28 @@ def run_map(argv: Sequence[str]) -> int:
     _add_picture(parser)
     _add_strict(parser)
     add_json(parser)
-    return run_command(group, argv)
-
-
-def _show_map(options: Options) -> int:
-    from rosbridge_sim.cli.files import map as map_tool  # noqa: PLC0415
-
-    return map_tool.show_maps(options.maps, options.picture, is_json=options.json, is_strict=options.strict)
+    return group
 
 
 # docs
 
 
-def run_docs(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim docs ...`."""
+def make_docs() -> Parser:
+    """Return the parser of `rosbridge-sim docs ...`."""
     parser = command_of(
         "docs",
         _show_docs,
         "List the documentation pages in the package, or print one of them.",
     )
-    parser.add_argument("page", metavar="PAGE", nargs="?", help="a page to print, such as tutorial or guides/ci")
+    parser.add_argument("name", metavar="PAGE", nargs="?", help="a page to print, such as tutorial or guides/ci")
     parser.add_argument("--open", action="store_true", help="open the site in a browser, if mkdocs has built it")
     add_json(parser)
-    return run_command(parser, argv)
+    return parser
 
 
 def _show_docs(options: Options) -> int:
-    from rosbridge_sim.cli.tools import docs  # noqa: PLC0415
-
     if options.open:
-        if options.page is not None or options.json:
+        if options.name is not None or options.json:
             raise SettingError("docs: --open opens the whole site; expected neither PAGE nor --json with it")
-        return docs.open_site()
-    if options.page is None:
-        return docs.list_pages(is_json=options.json)
-    return docs.show_page(options.page, is_json=options.json)
+        return run_tool("tools.docs.open_site", options)
+    return run_tool(f"tools.docs.{'list_pages' if options.name is None else 'show_page'}", options)

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Sequence
-from typing import TYPE_CHECKING
-
-from rosbridge_sim.cli.bridge_flags import add_bridge, add_count, add_types, bridge_group, take_type, with_bridge
-from rosbridge_sim.cli.command_line import LazyTool, Options, run_command
+from rosbridge_sim.cli.bridge_flags import add_bridge, add_count, add_types, bridge_group, take_type
+from rosbridge_sim.cli.command_line import Options, run_tool
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.errors import SettingError
-
-if TYPE_CHECKING:
-    from rosbridge_sim.cli.tools import action, node, param
-    from rosbridge_sim.cli.tools.tool_client import Bridge
-else:
-    action, node, param = map(LazyTool, ("action", "node", "param"))
+from rosbridge_sim.link.arguments import Parser
 
 
-def run_node(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim node`."""
+def make_node() -> Parser:
+    """Return the parser of `rosbridge-sim node`."""
     alone = "a rosbridge cannot reach a single node"
     absent = {
         "ping": f"{alone}; rosbridge-sim wait tells if the rosbridge answers",
@@ -29,111 +21,68 @@ def run_node(argv: Sequence[str]) -> int:
     text = "Nodes of a rosbridge, as rosapi lists them: all clients of a rosbridge are one node."
     group, _, row = bridge_group("node", text, absent)
 
-    parser = row(
-        "list",
-        lambda bridge, o: node.list_nodes(bridge, is_count=o.is_count, is_json=o.json),
-        "list all nodes",
-    )
+    parser = row("list", "tools.node.list_nodes", "list all nodes")
     parser.add_argument("-a", "--all", action="store_true", help="the same: rosapi lists no hidden nodes")
     add_count(parser, "nodes")
-    row(
-        "info",
-        lambda bridge, o: node.show_node(bridge, o.node, is_json=o.json),
-        "show topics and services of a node",
-        "NODE",
-    )
-    return run_command(group, argv)
+    row("info", "tools.node.show_node", "show topics and services of a node", name="NODE")
+    return group
 
 
 # param
 
 
-def run_param(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim param`."""
+def make_param() -> Parser:
+    """Return the parser of `rosbridge-sim param`."""
     text = "Parameters of a rosbridge. NAME is /ns/x (ROS 1) or /node:x (ROS 2); a node may stand before it."
     absent = {"load": "a rosbridge reads no files; rosbridge-sim param set sets one value"}
     group, add, row = bridge_group("param", text, absent)
 
-    parser = row(
-        "list",
-        lambda bridge, o: param.list_parameters(bridge, o.inner, is_json=o.json),
-        "list all parameters",
-    )
+    parser = row("list", "tools.param.list_parameters", "list all parameters")
     parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="of this one alone [all]")
 
-    def get(bridge: Bridge, o: Options) -> Awaitable[int]:
-        return param.get(bridge, o.words, is_bare=o.hide_type, is_json=o.json)
-
-    def set_value(bridge: Bridge, o: Options) -> Awaitable[int]:
-        return param.set_value(bridge, o.words, o.value, is_json=o.json)
-
-    def delete(bridge: Bridge, o: Options) -> Awaitable[int]:
-        return param.delete(bridge, o.words, is_json=o.json)
-
-    for name, work, words, text in (
-        ("get", get, "[NODE] NAME", "print a parameter's value"),
-        ("set", set_value, "[NODE] NAME VALUE", "set a parameter to a value, in JSON or YAML"),
-        ("delete", delete, "[NODE] NAME", "delete a parameter, or a namespace of ROS 1"),
+    for name, words, text in (
+        ("get", "[NODE] NAME", "print a parameter's value"),
+        ("set", "[NODE] NAME VALUE", "set a parameter to a value, in JSON or YAML"),
+        ("delete", "[NODE] NAME", "delete a parameter, or a namespace of ROS 1"),
     ):
-        parser = add(name, _with_words(work, words), text)
-        parser.add_argument("words", metavar=words, nargs="*")
+        parser = add(name, _with_words, text)
+        parser.add_argument("given", metavar=words, nargs="*")
+        parser.set_defaults(words=words)
         if name == "get":
-            parser.add_argument("--hide-type", action="store_true", help="print the value alone, also behind a node")
+            about = "print the value alone, also behind a node"
+            parser.add_argument("--hide-type", dest="is_bare", action="store_true", help=about)
         add_bridge(parser)
 
-    parser = row(
-        "describe",
-        lambda bridge, o: param.describe(bridge, o.node, o.names, is_json=o.json),
-        "show type and constraints of a node's parameters (ROS 2)",
-        "NODE",
-    )
+    text = "show type and constraints of a node's parameters (ROS 2)"
+    parser = row("describe", "tools.param.describe", text, node="NODE")
     parser.add_argument("names", metavar="NAME", nargs="+")
-    parser = row("dump", lambda bridge, o: param.dump(bridge, o.inner, is_json=o.json), "print all values as YAML")
+    parser = row("dump", "tools.param.dump", "print all values as YAML")
     parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="of this one alone [all]")
-    return run_command(group, argv)
+    return group
 
 
-def _with_words(work: Callable[[Bridge, Options], Awaitable[int]], words: str) -> Callable[[Options], int]:
-    """Return the function that runs a command with these words: a name, or a node and a name, and perhaps a value."""
-
-    def run(options: Options) -> int:
-        number, most = len(options.words), len(words.split())
-        if not most - 1 <= number <= most:
-            name = f"param {options.command}"
-            raise SettingError(f"{name}: expected {words}; got {number} words; see rosbridge-sim {name} --help")
-        options.value = read_body(options.words.pop(), "VALUE") if words.endswith("VALUE") else None
-        return with_bridge(options, lambda bridge: work(bridge, options))
-
-    return run
+def _with_words(options: Options) -> int:
+    """Run a command with its words: a name, or a node and a name, and perhaps a value."""
+    number, most = len(options.given), len(options.words.split())
+    if not most - 1 <= number <= most:
+        name = f"param {options.command}"
+        raise SettingError(f"{name}: expected {options.words}; got {number} words; see rosbridge-sim {name} --help")
+    value = read_body(options.given.pop(), "VALUE") if options.command == "set" else None
+    return run_tool(f"tools.param.{options.command}_value", options, value=value)
 
 
 # action
 
 
-def run_action(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim action`."""
+def make_action() -> Parser:
+    """Return the parser of `rosbridge-sim action`."""
     group, add, row = bridge_group("action", "Actions of a rosbridge: list, show, and send goals.")
 
-    parser = row(
-        "list",
-        lambda bridge, o: action.list_actions(bridge, has_types=o.types, is_count=o.is_count, is_json=o.json),
-        "list all actions",
-    )
+    parser = row("list", "tools.action.list_actions", "list all actions")
     add_types(parser)
     add_count(parser, "actions")
-    parser = row(
-        "info",
-        lambda bridge, o: action.show_action(bridge, o.name, has_types=o.types, is_json=o.json),
-        "show the nodes of an action",
-        "NAME",
-    )
-    add_types(parser)
-    row(
-        "type",
-        lambda bridge, o: action.show_action_type(bridge, o.name, is_json=o.json),
-        "print the type of an action",
-        "NAME",
-    )
+    add_types(row("info", "tools.action.show_action", "show the nodes of an action", name="NAME"))
+    row("type", "tools.action.show_action_type", "print the type of an action", name="NAME")
 
     parser = add("send_goal", _send_goal, "send a goal, and wait for its result; Ctrl-C cancels it")
     parser.add_argument("name", metavar="NAME")
@@ -142,7 +91,7 @@ def run_action(argv: Sequence[str]) -> int:
     )
     parser.add_argument("-f", "--feedback", action="store_true", help="print the feedback, too")
     add_bridge(parser)
-    return run_command(group, argv)
+    return group
 
 
 def _send_goal(options: Options) -> int:
@@ -150,9 +99,4 @@ def _send_goal(options: Options) -> int:
     goal = read_body(" ".join(options.words) or "{}", "GOAL")
     if not isinstance(goal, dict):
         raise SettingError(f"GOAL: expected an object such as '{{order: 5}}'; got {goal!r}")
-    return with_bridge(
-        options,
-        lambda bridge: action.send_goal(
-            bridge, options.name, kind, goal, has_feedback=options.feedback, is_json=options.json
-        ),
-    )
+    return run_tool("tools.action.send_goal", options, type_name=kind, goal=goal)

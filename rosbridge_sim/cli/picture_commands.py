@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Sequence
 from pathlib import Path
 
-from rosbridge_sim.cli.bridge_flags import add_bridge, with_bridge
-from rosbridge_sim.cli.command_line import (
-    Options,
-    add_json,
-    command_of,
-    make_number,
-    run_command,
-)
+from rosbridge_sim.cli.bridge_flags import add_bridge
+from rosbridge_sim.cli.command_line import Options, add_json, command_of, make_number, run_tool
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
@@ -37,8 +30,8 @@ _WORLD_FLAGS = ("scenario", "map", "scenario_path", "sensors", "weather", "traff
 """Flags of `serve` that these commands have, too."""
 
 
-def run_shot(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim shot`."""
+def make_shot() -> Parser:
+    """Return the parser of `rosbridge-sim shot`."""
     parser = command_of(
         "shot",
         _shot,
@@ -52,11 +45,11 @@ def run_shot(argv: Sequence[str]) -> int:
         "-o", "--out", type=Path, required=True, metavar="FILE", help="*.png, *.jpg, *.webp or another picture"
     )
     add_bridge(parser)
-    return run_command(parser, argv)
+    return parser
 
 
-def run_clip(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim clip`."""
+def make_clip() -> Parser:
+    """Return the parser of `rosbridge-sim clip`."""
     parser = command_of(
         "clip",
         _clip,
@@ -69,7 +62,7 @@ def run_clip(argv: Sequence[str]) -> int:
     parser.add_argument("--fps", type=_rate, default=10.0, metavar="N", help="pictures a second [10]")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="*.webp, *.gif or *.png (APNG)")
     add_json(parser)
-    return run_command(parser, argv)
+    return parser
 
 
 def _add_picture(parser: Parser, scenario: str) -> None:
@@ -93,9 +86,7 @@ def _add_picture(parser: Parser, scenario: str) -> None:
 
 def _shot(options: Options) -> int:
     if options.scenario is not None or options.recording is not None:
-        from rosbridge_sim.cli.files.film import film_shot  # noqa: PLC0415 - it needs the world, and --help does not
-
-        return film_shot(_choice_of(options))
+        return run_tool("files.film.film_shot", options, choice=_choice_of(options))
     names = ("map", "scenario_path", "sensors", "weather", "traffic", "seed", "drive", "at", "size", "quality")
     given = [name for name in names if getattr(options, name) not in (None, [])]
     if given:
@@ -103,16 +94,11 @@ def _shot(options: Options) -> int:
         raise SettingError(f"--{flag}: expected with --scenario or --recording; a running simulator has its own")
     if options.camera == CHASE:
         raise SettingError("--camera chase: expected with --scenario or --recording; a running simulator has its page")
-    from rosbridge_sim.cli.tools.sensor_tool import take_shot  # noqa: PLC0415 - as above
-
-    camera = options.camera or ""
-    return with_bridge(options, lambda bridge: take_shot(bridge, options.ego, camera, options.out))
+    return run_tool("tools.sensor_tool.take_shot", options, camera=options.camera or "", path=options.out)
 
 
 def _clip(options: Options) -> int:
-    from rosbridge_sim.cli.files.film import film_clip  # noqa: PLC0415 - as above
-
-    return film_clip(_choice_of(options), options.seconds, options.fps)
+    return run_tool("files.film.film_clip", options, choice=_choice_of(options), rate=options.fps)
 
 
 def _choice_of(options: Options):  # type: ignore[no-untyped-def] # noqa: ANN202 - of a module that is imported late
@@ -121,7 +107,7 @@ def _choice_of(options: Options):  # type: ignore[no-untyped-def] # noqa: ANN202
     Raises:
         SettingError: a value cannot be used.
     """
-    from rosbridge_sim.cli.files.film import FilmChoice, read_world  # noqa: PLC0415 - as above
+    from rosbridge_sim.cli.files.film import FilmChoice, read_world  # noqa: PLC0415 - with the world
 
     words = [] if options.sensors else ["--sensors=camera"]
     for name in _WORLD_FLAGS:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from rosbridge_sim.cli.bridge_flags import SECONDS
-from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number, run_command
+from rosbridge_sim.cli.command_line import add_json, group_of, make_number
+from rosbridge_sim.link.arguments import Parser
 
 DEFAULT_PATIENCE = 3.0
 """Longest wait for a server [s]; programs of DDS find each other within a second."""
@@ -13,13 +12,13 @@ DEFAULT_PATIENCE = 3.0
 _domain = make_number(0, 232, "a domain from 0 to 232", int)
 
 
-def run_ros2(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim ros2 ...`."""
+def make_ros2() -> Parser:
+    """Return the parser of `rosbridge-sim ros2 ...`."""
     group, add = group_of("ros2", "The graph of ROS 2; no installation of ROS is needed.")
 
     parser = add(
         "check",
-        _check,
+        "tools.ros2_check.check_ros2",
         "tell why nodes that are started in this terminal see nothing of a server, or see it twice: domain, range,"
         " interface, quality of service, type hash, publishers",
     )
@@ -30,13 +29,12 @@ def run_ros2(argv: Sequence[str]) -> int:
         help="distribution of the nodes [ROS_DISTRO, or jazzy]",
     )
     parser.add_argument(
-        "--wait", type=SECONDS, default=DEFAULT_PATIENCE, metavar="SECONDS", help="for the server [%(default)s]"
+        "--wait",
+        dest="patience",
+        type=SECONDS,
+        default=DEFAULT_PATIENCE,
+        metavar="SECONDS",
+        help="for the server [%(default)s]",
     )
     add_json(parser)
-    return run_command(group, argv)
-
-
-def _check(options: Options) -> int:
-    from rosbridge_sim.cli.tools import ros2_check  # noqa: PLC0415 - for this command alone
-
-    return ros2_check.check_ros2(options.domain, options.distro, options.wait, is_json=options.json)
+    return group

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 from argparse import ArgumentTypeError
-from collections.abc import Sequence
 from pathlib import Path
 
-from rosbridge_sim.cli.bridge_flags import CALL_PATIENCE, COUNT, add_bridge, with_bridge
-from rosbridge_sim.cli.command_line import (
-    Options,
-    command_of,
-    make_number,
-    run_command,
-)
+from rosbridge_sim.cli.bridge_flags import CALL_PATIENCE, COUNT, add_bridge
+from rosbridge_sim.cli.command_line import Options, command_of, make_number, run_tool
 from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import Parser
 
 TICK_ID = "rosbridge-sim"
 """Default user id of `tick`: always the same, so that a second run is the same master."""
 
-_step_ms = make_number(20, 1_000, "milliseconds, from 20 to 1,000", int)
+_milliseconds = make_number(20, 1_000, "milliseconds, from 20 to 1,000", int)
 _steps = make_number(1, 1_000, "a number from 1 to 1,000", int)
 _ego = make_number(0, 2**31 - 1, "the number of an ego", int)
 _pedal = make_number(0, 1, "a number from 0 to 1", float)
@@ -28,40 +23,44 @@ _kmh = make_number(-1_000, 1_000, "a speed in km/h, within +-1,000", float)
 _metres = make_number(0, 1e9, "a number of metres", float)
 
 
-def run_tick(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim tick`."""
+def make_tick() -> Parser:
+    """Return the parser of `rosbridge-sim tick`."""
     parser = command_of(
         "tick",
-        _tick,
+        "tools.sync_commands.tick",
         "Move a simulator in synchronous mode by N ticks, and print the frame and the ego after each.",
         epilog="With --start, the mode is ended afterwards if it was off before. If it was on, only the connection is"
         " closed, and the server's --sync-on-loss applies (wait: the world stands until the next tick --start).",
     )
     parser.add_argument("count", metavar="N", nargs="?", type=COUNT, default=1, help="ticks [1]")
-    parser.add_argument("--start", action="store_true", help="become the master first; end the mode afterwards")
-    parser.add_argument("--id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
     parser.add_argument(
-        "--step", type=_step_ms, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]"
+        "--start", dest="is_starting", action="store_true", help="become the master first; end the mode afterwards"
+    )
+    parser.add_argument(
+        "--id", dest="user_id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]"
+    )
+    parser.add_argument(
+        "--step",
+        dest="step_ms",
+        type=_step_ms,
+        default=20,
+        metavar="MS",
+        help="length of a tick, a multiple of 20 [20]",
     )
     add_bridge(parser, CALL_PATIENCE)
-    return run_command(parser, argv)
+    return parser
 
 
-def _tick(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sync_commands import tick  # noqa: PLC0415
-
-    if options.step % 20:
-        raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
-    return with_bridge(
-        options,
-        lambda bridge: tick(
-            bridge, options.count, options.id, options.step, is_starting=options.start, is_json=options.json
-        ),
-    )
+def _step_ms(text: str) -> float:
+    """Read the length of a step [ms]."""
+    step_ms = _milliseconds(text)
+    if step_ms % 20:
+        raise ArgumentTypeError(f"expected a multiple of 20 milliseconds; got {step_ms:g}")
+    return step_ms
 
 
-def run_step(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim step`."""
+def make_step() -> Parser:
+    """Return the parser of `rosbridge-sim step`."""
     parser = command_of(
         "step",
         _step,
@@ -94,14 +93,10 @@ def run_step(argv: Sequence[str]) -> int:
     )
     parser.add_argument("--stop-at", metavar="X,Y,RADIUS", help="end when an ego is so near to a place [m]")
     add_bridge(parser, CALL_PATIENCE)
-    return run_command(parser, argv)
+    return parser
 
 
 def _step(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sync_commands import step  # noqa: PLC0415
-
-    if options.step % 20:
-        raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
     if options.velocity is not None and (options.throttle is not None or options.brake is not None):
         raise SettingError("--velocity: expected it alone, or --throttle and --brake; got both")
     figures = {
@@ -126,10 +121,8 @@ def _step(options: Options) -> int:
         "stop_at_y": y,
         "stop_within_m": radius,
     }
-    return with_bridge(
-        options,
-        lambda bridge: step(bridge, request, options.step if options.start else None, is_json=options.json),
-    )
+    step_ms = options.step if options.start else None
+    return run_tool("tools.sync_commands.step", options, request=request, step_ms=step_ms)
 
 
 def _read_place(text: str | None) -> tuple[float, float, float]:
@@ -149,8 +142,8 @@ def _read_place(text: str | None) -> tuple[float, float, float]:
     return x, y, radius
 
 
-def run_score(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim score`."""
+def make_score() -> Parser:
+    """Return the parser of `rosbridge-sim score`."""
     parser = command_of(
         "score",
         _score,
@@ -162,40 +155,32 @@ def run_score(argv: Sequence[str]) -> int:
     parser.add_argument("--reset", action="store_true", help="begin all counts anew, after showing them")
     add_bridge(parser)
     parser.set_defaults(end=0)
-    return run_command(parser, argv)
+    return parser
 
 
 def _score(options: Options) -> int:
-    from rosbridge_sim.cli.tools import score_command as score  # noqa: PLC0415
-
     if options.follow and options.reset:
         raise SettingError("--reset: expected alone; --follow shows the scores as they come")
     if options.follow:
-        return with_bridge(options, lambda bridge: score.follow(bridge, options.count, is_json=options.json))
+        return run_tool("tools.score_command.follow", options)
     if options.count is not None:
         raise SettingError("--count: expected with --follow")
-    return with_bridge(options, lambda bridge: score.show(bridge, is_reset=options.reset, is_json=options.json))
+    return run_tool("tools.score_command.show", options, is_reset=options.reset)
 
 
-def run_sync(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim sync`."""
+def make_sync() -> Parser:
+    """Return the parser of `rosbridge-sim sync`."""
     parser = command_of(
         "sync",
-        _sync,
+        "tools.sync_commands.show_sync",
         "Show the state of synchronous mode: the master, or the members of the barrier.",
     )
     add_bridge(parser)
-    return run_command(parser, argv)
+    return parser
 
 
-def _sync(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sync_commands import show_sync  # noqa: PLC0415
-
-    return with_bridge(options, lambda bridge: show_sync(bridge, is_json=options.json))
-
-
-def run_snapshot(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim snapshot`."""
+def make_snapshot() -> Parser:
+    """Return the parser of `rosbridge-sim snapshot`."""
     parser = command_of(
         "snapshot",
         _snapshot,
@@ -206,42 +191,36 @@ def run_snapshot(argv: Sequence[str]) -> int:
     parser.add_argument("--list", action="store_true", help="show the snapshots that are kept, and take none")
     parser.add_argument("--remove", action="append", default=[], metavar="ID", help="remove one, then list; repeatable")
     add_bridge(parser, CALL_PATIENCE)
-    return run_command(parser, argv)
+    return parser
 
 
 def _snapshot(options: Options) -> int:
-    from rosbridge_sim.cli.tools.snapshot_tool import list_snapshots, take_snapshot  # noqa: PLC0415
-
     if options.list or options.remove:
         if options.id or options.out:
             raise SettingError("--list, --remove: expected without --id and --out, which take a snapshot")
-        return with_bridge(options, lambda bridge: list_snapshots(bridge, options.remove, is_json=options.json))
-    return with_bridge(options, lambda bridge: take_snapshot(bridge, options.id, options.out, is_json=options.json))
+        return run_tool("tools.snapshot_tool.list_snapshots", options)
+    return run_tool("tools.snapshot_tool.take_snapshot", options, name=options.id, path=options.out)
 
 
-def run_restore(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim restore`."""
+def make_restore() -> Parser:
+    """Return the parser of `rosbridge-sim restore`."""
     parser = command_of(
         "restore",
-        _restore,
+        "tools.snapshot_tool.restore",
         "Return a simulator to a snapshot. In synchronous mode only its master may do so.",
     )
     parser.add_argument(
-        "snapshot", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
+        "name", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
     )
-    parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    parser.add_argument(
+        "--user", dest="user_id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]"
+    )
     add_bridge(parser, CALL_PATIENCE)
-    return run_command(parser, argv)
+    return parser
 
 
-def _restore(options: Options) -> int:
-    from rosbridge_sim.cli.tools.snapshot_tool import restore  # noqa: PLC0415
-
-    return with_bridge(options, lambda bridge: restore(bridge, options.snapshot, options.user, is_json=options.json))
-
-
-def run_spawn(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim spawn`."""
+def make_spawn() -> Parser:
+    """Return the parser of `rosbridge-sim spawn`."""
     parser = command_of(
         "spawn",
         _spawn,
@@ -269,7 +248,7 @@ def run_spawn(argv: Sequence[str]) -> int:
     parser.add_argument("--route", type=_links, default=[], metavar="LINK,...", help="for lane: links to follow")
     parser.add_argument("--ego", action="store_true", help="a further ego, with topics of its own; MODEL is a vehicle")
     add_bridge(parser)
-    return run_command(parser, argv)
+    return parser
 
 
 BEHAVIOURS = ("stand", "straight", "lane")
@@ -277,8 +256,6 @@ BEHAVIOURS = ("stand", "straight", "lane")
 
 
 def _spawn(options: Options) -> int:
-    from rosbridge_sim.cli.tools.spawn import spawn  # noqa: PLC0415 - see above
-
     if options.lane is None and (options.distance or options.lateral):
         raise SettingError("--distance and --lateral: expected --lane with them")
     place = {"link": options.lane, "distance": options.distance, "lateral": options.lateral}
@@ -290,7 +267,7 @@ def _spawn(options: Options) -> int:
         "route": options.route,
         "is_ego": options.ego,
     }
-    return with_bridge(options, lambda bridge: spawn(bridge, request, is_json=options.json))
+    return run_tool("tools.spawn.spawn", options, request=request)
 
 
 _number = make_number(-1e9, 1e9, "a number", float)
@@ -315,21 +292,15 @@ def _links(text: str) -> list[str]:
     return [word.strip() for word in text.split(",") if word.strip()]
 
 
-def run_sensor(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim sensor`."""
+def make_sensor() -> Parser:
+    """Return the parser of `rosbridge-sim sensor`."""
     parser = command_of(
         "sensor",
-        _sensor,
+        "tools.sensor_tool.list_sensors",
         "List the cameras, lidars and radars of a running simulator: number, rate, place, topics.",
         epilog="For example: rosbridge-sim sensor list",
     )
     parser.add_argument("what", choices=("list",), help="what to do")
     parser.add_argument("--ego", type=int, default=0, metavar="N", help="number of the ego [0]")
     add_bridge(parser)
-    return run_command(parser, argv)
-
-
-def _sensor(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sensor_tool import list_sensors  # noqa: PLC0415 - see above
-
-    return with_bridge(options, lambda bridge: list_sensors(bridge, options.ego, is_json=options.json))
+    return parser

@@ -15,7 +15,7 @@ import pytest
 
 from rosbridge_sim.campaign_runs.program_groups import NOTE, end_groups, note_group
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
-from rosbridge_sim.cli.campaign_commands import run_campaign
+from rosbridge_sim.cli.command_table import TOOLS
 from rosbridge_sim.errors import DocumentError
 from tests.campaign_runs.conftest import CampaignFolder
 
@@ -171,7 +171,7 @@ def test_second_campaign_in_a_folder_is_refused_until_the_first_has_ended_howeve
         assert process.stdout is not None
         assert process.stdout.readline() == b"held\n"
         words = ("run", str(folder.path / "c.toml"), "--output", str(folder.path / "out"), "--jobs", "1")
-        assert run_campaign(words) == 2
+        assert TOOLS["campaign"](words) == 2
         told = capfd.readouterr().err
         assert f"out: process {process.pid} on " in told
         assert told.count("\n") == 1

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from rosbridge_sim.cli.campaign_commands import run_campaign
+from rosbridge_sim.cli.command_table import TOOLS
 from tests.campaign_runs.conftest import CampaignFolder
 
 NUMBERS = """
@@ -95,29 +95,29 @@ def test_table_of_merged_shards_is_that_of_all_runs(folder: CampaignFolder, caps
         assert folder.command("run", "c.toml", "-o", shard, "--shard", f"{i}/3", "--jobs", "1").returncode in {0, 1}
     assert [len((folder.path / f"s{i}" / "runs.csv").read_bytes().splitlines()) for i in (1, 2, 3)] == [5, 5, 5]
     merged = folder.path / "merged"
-    assert run_campaign(("merge", *shards, shards[0], "--output", str(merged))) == 1  # a shard may come twice
+    assert TOOLS["campaign"](("merge", *shards, shards[0], "--output", str(merged))) == 1  # a shard may come twice
     assert (merged / "runs.csv").read_bytes() == whole
     assert "no result" not in capsys.readouterr().err
     out = folder.path / "out"
     kept = {path.relative_to(out): path.read_bytes() for path in out.glob("runs/*/trace.csv")}
     assert kept
     assert {path: (merged / path).read_bytes() for path in kept} == kept
-    assert run_campaign(("merge", *shards[:2], "--output", str(folder.path / "two"))) == 1
+    assert TOOLS["campaign"](("merge", *shards[:2], "--output", str(folder.path / "two"))) == 1
     assert "4 runs have no result, the first is run 3" in capsys.readouterr().err
-    assert run_campaign(("merge", *shards, "--output", str(merged))) == 2
+    assert TOOLS["campaign"](("merge", *shards, "--output", str(merged))) == 2
     assert "there are results already" in capsys.readouterr().err
     results = folder.path / "s2" / "results.jsonl"
     results.write_text(results.read_text().replace('"verdict":"pass"', '"verdict":"fail"'))
-    assert run_campaign(("merge", *shards, str(folder.path / "out"), "--output", str(folder.path / "x"))) == 2
+    assert TOOLS["campaign"](("merge", *shards, str(folder.path / "out"), "--output", str(folder.path / "x"))) == 2
     assert "ended in another way than in" in capsys.readouterr().err
     (folder.path / "s3" / "campaign.toml").write_text('scenario = "loop"')
-    assert run_campaign(("merge", *shards, "--output", str(folder.path / "x"))) == 2
+    assert TOOLS["campaign"](("merge", *shards, "--output", str(folder.path / "x"))) == 2
     assert "expected results of the same campaign as" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("shard", ["0/3", "4/3", "3", "1/0", "-1/2", "a/b"])
 def test_shard_that_there_is_not_is_refused(shard: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_campaign(("run", "c.toml", f"--shard={shard}")) == 2
+    assert TOOLS["campaign"](("run", "c.toml", f"--shard={shard}")) == 2
     assert f"expected I/N with I from 1 to N, such as 3/50; got '{shard}'" in capsys.readouterr().err
 
 

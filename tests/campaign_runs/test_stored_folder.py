@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.campaign_runs.stored_folder import open_results
-from rosbridge_sim.cli.campaign_commands import run_campaign
+from rosbridge_sim.cli.command_table import TOOLS
 from rosbridge_sim.errors import DocumentError
 from tests.campaign_runs.conftest import CampaignFolder
 
@@ -62,7 +62,7 @@ def test_results_at_an_address_are_those_of_a_folder(folder: CampaignFolder, tmp
 def test_address_that_cannot_be_read_is_one_sentence(
     address: str, why: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run_campaign(["list", address]) == 2
+    assert TOOLS["campaign"](["list", address]) == 2
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert address in told

@@ -15,8 +15,8 @@ from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, run_folder
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.campaign import read_campaign
 from rosbridge_sim.campaigns.run_results import Breach, Result, Run
-from rosbridge_sim.cli.campaign_commands import run_campaign
 from rosbridge_sim.cli.campaigns.campaign_results import compare, list_runs, report, show
+from rosbridge_sim.cli.command_table import TOOLS
 from rosbridge_sim.errors import DocumentError
 from tests.campaign_runs.conftest import CampaignFolder
 
@@ -84,11 +84,11 @@ def test_missing_runs_make_a_comparison_fail_unless_they_are_allowed(
     all_runs = write_folder(tmp_path / "all", b"\n".join(lines))
     one_run = write_folder(tmp_path / "one", lines[0])
     words = ("compare", str(all_runs), str(one_run))
-    assert run_campaign(words) == 1
+    assert TOOLS["campaign"](words) == 1
     told = capsys.readouterr().out
     assert "missing: 2\n  run 2 f loop seed=2 gap=1.5\n  run 3 f loop seed=3 gap=1.5\n" in told
-    assert run_campaign((*words, "--allow-missing")) == 0
-    assert run_campaign(("compare", str(one_run), str(all_runs))) == 0
+    assert TOOLS["campaign"]((*words, "--allow-missing")) == 0
+    assert TOOLS["campaign"](("compare", str(one_run), str(all_runs))) == 0
 
 
 def test_good_line_is_used(tmp_path: Path) -> None:

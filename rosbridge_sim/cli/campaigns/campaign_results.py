@@ -14,7 +14,7 @@ MAX_LOG_SHOWN = 4_000
 """Characters of a driver's output that `show` prints, its end."""
 
 
-def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> int:
+def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> None:
     """List the runs of a folder of results.
 
     Args:
@@ -32,10 +32,9 @@ def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> int:
     else:
         rows = [(str(each.run.number), each.verdict, each.run.title, each.reason) for each in results]
         put_table(("run", "verdict", "what", "reason"), rows)
-    return 0
 
 
-def show(folder: str, number: int, *, is_json: bool) -> int:
+def show(folder: str, number: int, *, is_json: bool) -> None:
     """Explain one run.
 
     Args:
@@ -53,7 +52,7 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
         text = log.read_text("utf-8", "replace") if log.is_file() else ""
     if is_json:
         put_json(result.to_json())
-        return 0
+        return
     put_lines(f"run {number}: {result.run.title}\nverdict: {result.verdict} {result.reason}".rstrip())
     for breach in result.breaches:
         put_lines(f"  {breach.limit} at {breach.time:g} s, ({breach.x:g}, {breach.y:g}): {breach.text}")
@@ -70,10 +69,9 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     put_lines(f"repeat: rosbridge-sim campaign repeat {opened.title} {number}")
     if text:
         put_lines(f"\nthe driver's output:\n{text[-MAX_LOG_SHOWN:].rstrip()}")
-    return 0
 
 
-def report(folder: str) -> int:
+def report(folder: str) -> None:
     """Write tables and report anew.
 
     Args:
@@ -89,7 +87,6 @@ def report(folder: str) -> int:
         job, name = read_text_of(opened.path)
         write_all(opened, open_job(job).campaign, opened.results(), name)
     put_lines(opened.name_of("report.html"))
-    return 0
 
 
 def compare(before: str, after: str, *, may_lack: bool, is_json: bool) -> int:

@@ -258,7 +258,7 @@ def _put_plan(campaign: Campaign, runs: Sequence[Run], *, is_json: bool) -> None
             put_lines(f"{each.number}  {each.title}")
 
 
-def check(file: str, *, is_json: bool) -> int:
+def check(file: str, *, is_json: bool) -> None:
     """Explain a campaign's file, and read its scenarios.
 
     Args:
@@ -283,10 +283,9 @@ def check(file: str, *, is_json: bool) -> int:
     }
     if is_json:
         put_json(told)
-        return 0
+        return
     shown = {key: ", ".join(value) if isinstance(value, list) else f"{value:,}" for key, value in told.items()}
     put_table(("good", path.name), [(key, value) for key, value in shown.items() if value])
-    return 0
 
 
 def repeat(folder: str, number: int, *, is_json: bool) -> int:

@@ -10,13 +10,13 @@ from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.bags.bag_reader import open_reader
 
 
-def show_bag(name: str, *, is_json: bool) -> int:
+def show_bag(file: str, *, is_json: bool) -> None:
     """Print duration, size and topics of a bag, in the form of `ros2 bag info`.
 
     Raises:
         DocumentError: it is not a bag, or has no index.
     """
-    path = Path(name)
+    path = Path(file)
     is_ros1 = path.suffix == ".bag"
     with open_reader(path) as bag:
         counts: dict[tuple[str, str], int] = {}
@@ -31,7 +31,7 @@ def show_bag(name: str, *, is_json: bool) -> int:
     if is_json:
         put_json(
             {
-                "file": name,
+                "file": file,
                 "size": size,
                 "start": start / 1e9,
                 "end": end / 1e9,
@@ -39,7 +39,7 @@ def show_bag(name: str, *, is_json: bool) -> int:
                 "topics": [{"topic": topic, "type": kind, "count": count} for (topic, kind), count in topics],
             }
         )
-        return 0
+        return
     rows = {
         "Files": ", ".join(file.name for file in files if file.suffix != ".yaml"),
         "Bag size": f"{size / 1e3:,.1f} kB",
@@ -54,7 +54,6 @@ def show_bag(name: str, *, is_json: bool) -> int:
     for (topic, kind), count in topics:
         put(f"{title:19}Topic: {safe(topic)} | Type: {safe(kind)} | Count: {count}")
         title = ""
-    return 0
 
 
 def _moment(stamp_ns: int) -> str:

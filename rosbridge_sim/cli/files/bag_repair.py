@@ -9,18 +9,18 @@ from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.bags.repair import Recovered, repair, repaired_name
 
 
-def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
+def repair_bag(file: str, output: str | None, *, is_json: bool) -> None:
     """Write the complete parts of a bag into a new one, and print what was found.
 
     Args:
-        path: the broken bag.
+        file: the broken bag.
         output: the new bag; None uses the default name.
 
     Raises:
         DocumentError: the bag cannot be read, or the new one cannot be written.
     """
-    target = repaired_name(Path(path)) if output is None else Path(output)
-    found = repair(Path(path), target)
+    target = repaired_name(Path(file)) if output is None else Path(output)
+    found = repair(Path(file), target)
     if is_json:
         put_json(
             {
@@ -36,7 +36,6 @@ def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
         )
     else:
         put(f"{safe(str(target))}: {_account(found)}")
-    return 0
 
 
 def _account(found: Recovered) -> str:

@@ -79,7 +79,7 @@ def read_world(words: Sequence[str]) -> Settings:
     return read_settings(words, {name: value for name, value in os.environ.items() if name in _VARIABLES})
 
 
-def film_shot(choice: FilmChoice) -> int:
+def film_shot(choice: FilmChoice) -> None:
     """Save one picture.
 
     Args:
@@ -91,10 +91,10 @@ def film_shot(choice: FilmChoice) -> int:
     _check_suffix(choice.out, STILL)
     (picture,) = _film(choice, [round(choice.at * FRAMES_A_SECOND)])
     num_bytes = save(choice.out, lambda: picture.save(choice.out, quality=choice.quality))
-    return _tell(choice, picture, num_bytes, 1)
+    _tell(choice, picture, num_bytes, 1)
 
 
-def film_clip(choice: FilmChoice, seconds: float, rate: float) -> int:
+def film_clip(choice: FilmChoice, seconds: float, rate: float) -> None:
     """Save a moving picture, which begins again at its end.
 
     Args:
@@ -126,7 +126,7 @@ def film_clip(choice: FilmChoice, seconds: float, rate: float) -> int:
             method=6,  # of WebP: the smallest file
         ),
     )
-    return _tell(choice, pictures[0], num_bytes, len(pictures))
+    _tell(choice, pictures[0], num_bytes, len(pictures))
 
 
 def _check_suffix(path: Path, suffixes: Sequence[str]) -> None:
@@ -166,7 +166,7 @@ def _show_progress(num: int, of: int) -> None:
         sys.stderr.flush()
 
 
-def _tell(choice: FilmChoice, picture: Image, num_bytes: int, num: int) -> int:
+def _tell(choice: FilmChoice, picture: Image, num_bytes: int, num: int) -> None:
     width, height = picture.size
     path = str(choice.out)
     if choice.is_json:
@@ -174,4 +174,3 @@ def _tell(choice: FilmChoice, picture: Image, num_bytes: int, num: int) -> int:
     else:
         many = f"  {num} pictures" if num > 1 else ""
         put(f"{safe(path)}  {width} x {height}{many}  {num_bytes:,} bytes  {safe(choice.camera)}")
-    return 0

@@ -56,19 +56,10 @@ _LISTS: Final = (
 _Report = dict[str, Any]  # a JSON object
 
 
-def open_library(
-    own_map: str | None, folders: Sequence[str], own_models: str | None = None
+def _open_library(
+    own_map: str | None, folders: Sequence[str], own_models: str | None
 ) -> tuple[DiskLibrary, str | None]:
-    """Return the scenarios and maps of a server with these settings, and the map that replaces all others.
-
-    Args:
-        own_map: name or folder of a map; None uses the environment.
-        folders: folders of scenarios.
-        own_models: file of the user's catalogue.
-
-    Raises:
-        DocumentError: a setting, a folder or a catalogue cannot be used.
-    """
+    """Return the scenarios and maps of a server with these settings, and the map that replaces all others."""
     flags = [f"--scenario-path={folder}" for folder in folders]
     flags += [] if own_map is None else [f"--map={own_map}"]
     flags += [] if own_models is None else [f"--catalogue={own_models}"]
@@ -78,10 +69,11 @@ def open_library(
 
 def check_scenarios(
     names: Sequence[str],
-    library: DiskLibrary,
-    own_map: str | None,
     picture: str | None,
     *,
+    map: str | None,  # noqa: A002 - the flag
+    scenario_path: Sequence[str],
+    catalogue: str | None,
     is_json: bool,
     is_strict: bool,
 ) -> int:
@@ -89,17 +81,19 @@ def check_scenarios(
 
     Args:
         names: files, folders of them, or names of scenarios as for clients and `serve --scenario`.
-        library: scenarios and maps.
-        own_map: name or folder of a map that replaces those of the scenarios.
         picture: file for a picture; allowed for a single scenario.
+        map: name or folder of a map that replaces those of the scenarios; None uses the environment.
+        scenario_path: folders of scenarios.
+        catalogue: file of the user's models.
         is_strict: remarks count like mistakes in the exit code.
 
     Returns:
         The exit code; see `verdicts.exit_code`.
 
     Raises:
-        DocumentError: there is no such file, `own_map` cannot be used, or the picture cannot be written.
+        DocumentError: there is no such file, a setting cannot be used, or the picture cannot be written.
     """
+    library, own_map = _open_library(map, scenario_path, catalogue)
     files = [file for name in names for file in _expand(name, library)]
     if files == list(names) and len(files) == 1:
         account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)

@@ -45,7 +45,7 @@ async def _type_of(bridge: Bridge, action: str) -> str:
     return actions[action]
 
 
-async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> int:
+async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> None:
     """Print all actions.
 
     Args:
@@ -57,17 +57,15 @@ async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_js
         put_json([{"action": name, "type": kind} for name, kind in actions.items()])
     else:
         put_names(list(actions), list(actions.values()) if has_types else (), is_count=is_count)
-    return 0
 
 
-async def show_action_type(bridge: Bridge, name: str, *, is_json: bool) -> int:
+async def show_action_type(bridge: Bridge, name: str, *, is_json: bool) -> None:
     """Print the type of an action."""
     kind = await _type_of(bridge, absolute(name))
     put_json(kind) if is_json else put(safe(kind))
-    return 0
 
 
-async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bool) -> int:
+async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bool) -> None:
     """Print the nodes of an action: clients that use its topics, and servers."""
     action = absolute(name)
     kind = await _type_of(bridge, action)
@@ -83,18 +81,17 @@ async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bo
     clients, servers = sorted(nodes[0] | nodes[1]), sorted(nodes[2] | nodes[3])
     if is_json:
         put_json({"action": action, "type": kind, "clients": clients, "servers": servers})
-        return 0
+        return
     put(f"Action: {safe(action)}")
     for title, found in (("clients", clients), ("servers", servers)):
         put(f"Action {title}: {len(found)}")
         for one in found:
             put(safe(f"    {one} [{kind}]" if has_types else f"    {one}"))
-    return 0
 
 
 async def send_goal(
     bridge: Bridge, name: str, type_name: str, goal: Frame, *, has_feedback: bool, is_json: bool
-) -> int:
+) -> None:
     """Send a goal and print its result; cancel it on Ctrl-C.
 
     Args:
@@ -126,7 +123,8 @@ async def send_goal(
                 values = frame.get("values")
                 put_json({"feedback": values}) if is_json else put(f"\nFeedback:\n{_indented(values)}")
             elif frame.get("op") == "action_result" and frame.get("id") == goal_id:
-                return _end(action, frame, is_json=is_json)
+                _end(action, frame, is_json=is_json)
+                return
             elif frame.get("op") == "status" and frame.get("id") == goal_id and frame.get("level") == "error":
                 raise RefusedError(safe(str(frame.get("msg"))))
     except asyncio.CancelledError:
@@ -134,7 +132,7 @@ async def send_goal(
         raise
 
 
-def _end(action: str, frame: Frame, *, is_json: bool) -> int:
+def _end(action: str, frame: Frame, *, is_json: bool) -> None:
     values, number = frame.get("values"), frame.get("status")
     if frame.get("result") is False and isinstance(values, str):
         raise RefusedError(safe(values))
@@ -145,7 +143,6 @@ def _end(action: str, frame: Frame, *, is_json: bool) -> int:
         put(f"\nResult:\n{_indented(values)}\n\nGoal finished with status: {status}")
     if number != _SUCCEEDED:
         raise RefusedError(f"{safe(action)}: the goal has not succeeded: {status}")
-    return 0
 
 
 def _indented(value: object) -> str:

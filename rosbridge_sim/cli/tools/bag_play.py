@@ -39,19 +39,19 @@ class Selection:
 
 async def play(
     bridge: Bridge,
-    name: str,
+    file: str,
     selection: Selection,
-    choice: DefinitionSources,
+    sources: DefinitionSources,
     *,
     rate: float,
     is_looping: bool,
     is_json: bool,
-) -> int:
+) -> None:
     """Publish the messages of a bag.
 
     Args:
-        name: path of the bag.
-        choice: definitions for a bag without its own.
+        file: path of the bag.
+        sources: definitions for a bag without its own.
         rate: factor of the speed.
         is_looping: begin again at the end.
         is_json: print the result as JSON on stdout, not as a line for people.
@@ -60,14 +60,14 @@ async def play(
         DocumentError: the bag cannot be read.
         RefusedError: the server takes none of the topics.
     """
-    path = Path(name)
+    path = Path(file)
     target = 2 if await is_ros2(bridge) else 1
-    types = BagTypes(read_texts(choice), is_ros1=path.suffix == ".bag")
+    types = BagTypes(read_texts(sources), is_ros1=path.suffix == ".bag")
     with open_reader(path) as bag:
         player = _Player(bridge, types, selection, target)
         chosen = [one for one in bag.connections if not selection.topics or one.topic in selection.topics]
         await player.advertise(chosen)
-        note(f"playing {name}, {len(player.decoders)} of {len({one.topic for one in chosen})} topics; Ctrl-C ends it")
+        note(f"playing {file}, {len(player.decoders)} of {len({one.topic for one in chosen})} topics; Ctrl-C ends it")
         while True:
             begin, num_before = bridge.now() - selection.start / rate, player.num_sent
             for connection, stamp_ns, raw in read_messages(bag, chosen, path):
@@ -78,10 +78,9 @@ async def play(
                 break
     await player.settle()
     if is_json:
-        put_json({"file": name, "messages": player.num_sent})
+        put_json({"file": file, "messages": player.num_sent})
     else:
-        note(f"published {player.num_sent:,} messages of {name}")
-    return 0
+        note(f"published {player.num_sent:,} messages of {file}")
 
 
 class _Player:

@@ -19,7 +19,7 @@ SITE: Final = Path(__file__).resolve().parents[3] / "build" / "site" / "index.ht
 """First page of a site that `mkdocs build` has made in a checkout."""
 
 
-def list_pages(*, is_json: bool) -> int:
+def list_pages(*, is_json: bool) -> None:
     """Print name and title of each page.
 
     Raises:
@@ -29,13 +29,12 @@ def list_pages(*, is_json: bool) -> int:
     pages = find_doc_pages(folder)
     if is_json:
         put_json([{"name": page.name, "title": page.title, "path": str(page.path)} for page in pages])
-        return 0
+        return
     put_table(["PAGE", "TITLE"], [[page.name, page.title] for page in pages])
     put(f"\nrosbridge-sim docs PAGE prints one of them. The files are in {folder}")
-    return 0
 
 
-def show_page(name: str, *, is_json: bool) -> int:
+def show_page(name: str, *, is_json: bool) -> None:
     """Print the source of one page.
 
     Args:
@@ -62,7 +61,6 @@ def show_page(name: str, *, is_json: bool) -> int:
         put_json({"name": page.name, "title": page.title, "text": text})
     else:
         put(text.rstrip("\n"))
-    return 0
 
 
 def open_site() -> int:

@@ -174,18 +174,20 @@ METERS: Final[dict[str, Callable[[int], Meter]]] = {"hz": Rates, "bw": Bandwidth
 
 async def measure(
     bridge: Bridge,
-    meter: Meter,
+    command: str,
     name: str,
     type_name: str | None,
-    count: int | None,
     *,
+    window: int | None,
+    count: int | None,
     patience: float | None,
     is_json: bool,
-) -> int:
+) -> None:
     """Print the statistics each second, and once more after `count` messages.
 
     Args:
-        meter: a new meter.
+        command: key of `METERS`.
+        window: number of the last messages to measure over; None means all that fit.
         name: name of the topic.
         type_name: its type; None means that of an existing topic.
         count: number of messages; None means no end.
@@ -195,6 +197,7 @@ async def measure(
     Raises:
         RefusedError: the topic does not exist, has no such value, or no message came in time.
     """
+    meter = METERS[command](window or MAX_WINDOW)
     topic = absolute(name)
     listener = await Listener.open(bridge, topic, type_name)
     await meter.prepare(listener)
@@ -217,7 +220,6 @@ async def measure(
                 num_reported = num_messages
                 report_at = max(report_at + REPORT_INTERVAL, bridge.now())
         line.write(is_new=True)
-    return 0
 
 
 class _Line:

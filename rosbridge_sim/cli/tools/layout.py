@@ -28,11 +28,8 @@ Names = Mapping[str, str]
 """Default name of a topic -> its name."""
 
 
-async def seen_names(bridge: Bridge) -> tuple[dict[str, str], int]:
-    """Return the names of the topics on a server, and its generation of ROS.
-
-    Args:
-        bridge: the server.
+async def print_layout_of(bridge: Bridge, viewer: str, ros: int | None) -> None:
+    """Print a layout with the names of the topics on a server, by default for its generation of ROS.
 
     Raises:
         RefusedError: it has no rosapi.
@@ -44,7 +41,7 @@ async def seen_names(bridge: Bridge) -> tuple[dict[str, str], int]:
     for default in TOPICS:
         if names[default] not in types:
             note(f"the server has no {default}; it stands in the layout all the same")
-    return names, 2 if any("/msg/" in one for one in types.values()) else 1
+    print_layout(viewer, ros or (2 if any("/msg/" in one for one in types.values()) else 1), names)
 
 
 def choose_names(types: Mapping[str, str]) -> dict[str, str]:
@@ -68,16 +65,15 @@ def choose_names(types: Mapping[str, str]) -> dict[str, str]:
     return names
 
 
-def print_layout(viewer: str, names: Names, ros: int) -> int:
+def print_layout(viewer: str, ros: int | None, names: Names | None) -> None:
     """Print a layout.
 
     Args:
         viewer: one of `VIEWERS`.
-        names: see `choose_names`.
-        ros: 1 or 2.
+        ros: 1 or 2; None is 1.
+        names: see `choose_names`; None for the default names.
     """
-    put(VIEWERS[viewer](names, ros).rstrip("\n"))
-    return 0
+    put(VIEWERS[viewer](names or choose_names({}), ros or 1).rstrip("\n"))
 
 
 # Lichtblick

@@ -10,7 +10,7 @@ from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
 
-async def list_nodes(bridge: Bridge, *, is_count: bool, is_json: bool) -> int:
+async def list_nodes(bridge: Bridge, *, is_count: bool, is_json: bool) -> None:
     """Print all nodes.
 
     Raises:
@@ -19,10 +19,9 @@ async def list_nodes(bridge: Bridge, *, is_count: bool, is_json: bool) -> int:
     """
     names = sorted(words(await bridge.ask("nodes"), "nodes"))
     put_names(names, is_count=is_count, is_json=is_json)
-    return 0
 
 
-async def show_node(bridge: Bridge, name: str, *, is_json: bool) -> int:
+async def show_node(bridge: Bridge, name: str, *, is_json: bool) -> None:
     """Print the topics and services of a node with their types, in the form of `ros2 node info`.
 
     Raises:
@@ -45,10 +44,9 @@ async def show_node(bridge: Bridge, name: str, *, is_json: bool) -> int:
     }
     if is_json:
         put_json({"node": node, **{title.lower().replace(" ", "_"): part for title, part in parts.items()}})
-        return 0
+        return
     put(safe(node))
     for title, part in parts.items():
         put(f"  {title}:")
         for one, kind in part.items():
             put(f"    {safe(one)}: {safe(kind)}")
-    return 0

@@ -65,7 +65,7 @@ def _read(values: Frame) -> object:
     return value
 
 
-async def list_parameters(bridge: Bridge, inner: str, *, is_json: bool) -> int:
+async def list_parameters(bridge: Bridge, inner: str, *, is_json: bool) -> None:
     """Print the names of parameters; those of ROS 2 below their nodes.
 
     Args:
@@ -78,7 +78,7 @@ async def list_parameters(bridge: Bridge, inner: str, *, is_json: bool) -> int:
     names = await _names(bridge, inner)
     if is_json:
         put_json(names)
-        return 0
+        return
     last = inner and absolute(inner)
     for name in names:
         node, sign, short = name.partition(":")
@@ -86,10 +86,9 @@ async def list_parameters(bridge: Bridge, inner: str, *, is_json: bool) -> int:
             put(f"{safe(node)}:")
             last = node
         put(safe(f"  {short}" if sign else name))
-    return 0
 
 
-async def get(bridge: Bridge, given: Sequence[str], *, is_bare: bool, is_json: bool) -> int:
+async def get_value(bridge: Bridge, given: Sequence[str], *, is_bare: bool, is_json: bool) -> None:
     """Print a value: as YAML, or with its type if the words are those of ROS 2.
 
     Args:
@@ -108,10 +107,9 @@ async def get(bridge: Bridge, given: Sequence[str], *, is_bare: bool, is_json: b
         put(f"{_WORDS.get(type(next(iter(value), '')), 'String')} values are: {safe(str(value))}")
     else:
         put(f"{_WORDS.get(type(value), 'String')} value is: {safe(str(value))}")
-    return 0
 
 
-async def set_value(bridge: Bridge, given: Sequence[str], value: object, *, is_json: bool) -> int:
+async def set_value(bridge: Bridge, given: Sequence[str], value: object, *, is_json: bool) -> None:
     """Set a parameter.
 
     Raises:
@@ -120,10 +118,9 @@ async def set_value(bridge: Bridge, given: Sequence[str], value: object, *, is_j
     name = await _name_of(bridge, given)
     await _ask(bridge, "set_param", name=name, value=to_json(value).decode())
     put_json({"name": name, "value": value}) if is_json else put("Set parameter successful")
-    return 0
 
 
-async def delete(bridge: Bridge, given: Sequence[str], *, is_json: bool) -> int:
+async def delete_value(bridge: Bridge, given: Sequence[str], *, is_json: bool) -> None:
     """Delete a parameter, or a namespace of ROS 1.
 
     Raises:
@@ -132,10 +129,9 @@ async def delete(bridge: Bridge, given: Sequence[str], *, is_json: bool) -> int:
     name = await _name_of(bridge, given)
     await _ask(bridge, "delete_param", name=name)
     put_json({"name": name}) if is_json else put("Deleted parameter successfully")
-    return 0
 
 
-async def describe(bridge: Bridge, node: str, names: Sequence[str], *, is_json: bool) -> int:
+async def describe(bridge: Bridge, node: str, names: Sequence[str], *, is_json: bool) -> None:
     """Print type and constraints of parameters of a node of ROS 2.
 
     Raises:
@@ -147,7 +143,7 @@ async def describe(bridge: Bridge, node: str, names: Sequence[str], *, is_json: 
     found = frames_in(await bridge.request(service, {"names": list(names)}), "descriptors")
     if is_json:
         put_json(found)
-        return 0
+        return
     for one in found:
         kind = one.get("type")
         put(f"Parameter name: {safe(str(one.get('name')))}")
@@ -159,13 +155,12 @@ async def describe(bridge: Bridge, node: str, names: Sequence[str], *, is_json: 
             put("    Read only: true")
         for limits in (*frames_in(one, "integer_range"), *frames_in(one, "floating_point_range")):
             put("".join(f"    {title}: {limits.get(key)}\n" for title, key in _LIMITS)[:-1])
-    return 0
 
 
 _LIMITS = (("Min value", "from_value"), ("Max value", "to_value"), ("Step", "step"))
 
 
-async def dump(bridge: Bridge, inner: str, *, is_json: bool) -> int:
+async def dump(bridge: Bridge, inner: str, *, is_json: bool) -> None:
     """Print all values, or those of a node or a namespace, as a file of `ros2 param dump` or `rosparam dump`.
 
     Args:
@@ -182,4 +177,3 @@ async def dump(bridge: Bridge, inner: str, *, is_json: bool) -> int:
             place = place.setdefault(step, {})
         place[path[-1]] = _read(answer.fields)
     put_json(tree) if is_json else put(render(tree))
-    return 0

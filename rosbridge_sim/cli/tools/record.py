@@ -36,27 +36,27 @@ MAX_WAITING_MESSAGES = 10_000
 """Messages that wait for a first clock message until the next flush; if there are more, all get time 0."""
 
 
-async def default_name(bridge: Bridge) -> str:
+async def _default_name(bridge: Bridge) -> str:
     """Return the name that `rosbag record` or `ros2 bag record` gives a bag, by the server's generation."""
     return time.strftime("rosbag2_%Y_%m_%d-%H_%M_%S" if await is_ros2(bridge) else "%Y-%m-%d-%H-%M-%S.bag")
 
 
 async def record(
     bridge: Bridge,
-    path: str,
+    file: str | None,
     patterns: tuple[str, ...],
-    choice: DefinitionSources,
+    sources: DefinitionSources,
     count: int | None,
     *,
     patience: float | None,
     is_json: bool,
-) -> int:
+) -> None:
     """Record until Ctrl-C, another stop signal, the server's end, or the given number of messages.
 
     Args:
-        path: path of the new bag.
+        file: path of the new bag; None chooses a name.
         patterns: patterns of topics; empty means all.
-        choice: selects the known definitions; the ROS generation is that of the bag.
+        sources: selects the known definitions; the ROS generation is that of the bag.
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.
         is_json: print the result as JSON on stdout, not as a line for people.
@@ -65,9 +65,10 @@ async def record(
         DocumentError: the bag cannot be written, or its file was deleted.
         RefusedError: the connection has ended, or no message came in time; the bag is finished in any case.
     """
-    ros = generation_of(Path(path))
-    store = open_store(DefinitionSources(choice.release, str(ros), choice.folders))
-    writer = BagMessageWriter(open_bag(Path(path)), store)
+    path = Path(file or await _default_name(bridge))
+    ros = generation_of(path)
+    store = open_store(DefinitionSources(sources.release, str(ros), sources.folders))
+    writer = BagMessageWriter(open_bag(path), store)
     tape = _RecordingSession(bridge, writer, Rule(patterns))
     task = asyncio.current_task()
     assert task is not None
@@ -84,10 +85,9 @@ async def record(
         finally:
             tape.finish()
     if is_json:
-        put_json({"file": path, "messages": writer.num_messages, "topics": tape.num_topics})
+        put_json({"file": str(path), "messages": writer.num_messages, "topics": tape.num_topics})
     else:
         note(f"{path}: {writer.num_messages:,} messages on {tape.num_topics:,} topics")
-    return 0
 
 
 class _RecordingSession:

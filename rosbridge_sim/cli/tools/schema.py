@@ -33,7 +33,7 @@ _VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "ROS", "S
 
 @dataclass(frozen=True, slots=True)
 class DefinitionSources:
-    """The choice of definitions; None, or an empty value, uses the environment or the default.
+    """The sources of definitions; None, or an empty value, uses the environment or the default.
 
     Attributes:
         release: release of `morai_msgs`.
@@ -46,32 +46,32 @@ class DefinitionSources:
     folders: tuple[str, ...] = ()
 
 
-def open_store(choice: DefinitionSources) -> Store:
+def open_store(sources: DefinitionSources) -> Store:
     """Return all types that a server with these settings knows.
 
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.
     """
-    settings = _settings_of(choice)
+    settings = _settings_of(sources)
     return Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros)
 
 
-def read_texts(choice: DefinitionSources) -> Texts:
+def read_texts(sources: DefinitionSources) -> Texts:
     """Return the definitions of these types, for readers of bags; see `open_store` for errors."""
-    settings = _settings_of(choice)
+    settings = _settings_of(sources)
     return read_definitions(settings.release, settings.schema_path)
 
 
-def _settings_of(choice: DefinitionSources) -> Settings:
-    flags = [f"--{name}={value}" for name, value in (("release", choice.release), ("ros", choice.ros)) if value]
-    flags += [f"--schema-path={folder}" for folder in choice.folders]
+def _settings_of(sources: DefinitionSources) -> Settings:
+    flags = [f"--{name}={value}" for name, value in (("release", sources.release), ("ros", sources.ros)) if value]
+    flags += [f"--schema-path={folder}" for folder in sources.folders]
     return read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
 
 
 # list
 
 
-def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool) -> int:
+def list_types(package: str | None, sources: DefinitionSources, *, is_json: bool) -> None:
     """Print all types, or those of one package, sorted by name.
 
     Args:
@@ -81,13 +81,12 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
         DocumentError: a setting, a folder or a file cannot be used.
         RefusedError: the package is unknown.
     """
-    store = open_store(choice)
+    store = open_store(sources)
     types = sorted((name, kind) for kind in KINDS for name in _names(store, kind, package))
     if is_json:
         put_json([{"type": name, "kind": kind} for name, kind in types])
     else:
         put_table(("TYPE", "KIND"), types)
-    return 0
 
 
 def _check_package(store: Store, package: str) -> None:
@@ -105,26 +104,25 @@ def _names(store: Store, kind: Kind, package: str | None) -> list[str]:
 # typescript
 
 
-def write_typescript(package: str, choice: DefinitionSources) -> int:
+def write_typescript(package: str, sources: DefinitionSources) -> None:
     """Print the TypeScript declarations of a package.
 
     Raises:
         DocumentError: a setting, a folder or a file cannot be used, or a definition names an unknown type.
         RefusedError: the package is unknown.
     """
-    store = open_store(choice)
+    store = open_store(sources)
     _check_package(store, package)
     try:
         put(declare_package(store, package).rstrip("\n"))
     except TypeNameError as error:
         raise RefusedError(str(error)) from None
-    return 0
 
 
 # show
 
 
-def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: bool) -> int:
+def show_type(name: str, sources: DefinitionSources, *, is_full: bool, is_json: bool) -> None:
     """Print a definition; several if the name has no package or no kind and fits more than one.
 
     Args:
@@ -135,7 +133,7 @@ def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: b
         DocumentError: a setting, a folder or a file cannot be used.
         RefusedError: the type is unknown.
     """
-    store = open_store(choice)
+    store = open_store(sources)
     found = list(_find(store, name))
     if not found:
         raise RefusedError(_why_not(store, name))
@@ -145,13 +143,12 @@ def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: b
     ]
     if is_json:
         put_json(accounts[0] if len(accounts) == 1 else accounts)
-        return 0
+        return
     for i, account in enumerate(accounts):
         if len(accounts) > 1:
             package, _, short = account["type"].partition("/")
             put(f"{chr(10) if i else ''}[{package}/{account['kind']}/{short}]")
         put(account["text"])
-    return 0
 
 
 _NAME = re.compile(r"(?:(?P<package>\w+)/)?(?:(?P<kind>msg|srv|action)/)?(?P<short>\w+)")
@@ -215,7 +212,9 @@ def _collect(store: Store, definition: Definition, nested: dict[str, Definition]
 # interface
 
 
-def list_interfaces(command: str, package: str | None, kinds: Sequence[Kind] | None, choice: DefinitionSources) -> int:
+def list_interfaces(
+    command: str, package: str | None, kinds: Sequence[Kind] | None, sources: DefinitionSources
+) -> None:
     """Print types or packages in the form of `ros2 interface`, with the names of the ROS generation.
 
     Args:
@@ -227,15 +226,14 @@ def list_interfaces(command: str, package: str | None, kinds: Sequence[Kind] | N
         DocumentError: a setting, a folder or a file cannot be used.
         RefusedError: the package is unknown.
     """
-    store = open_store(choice)
+    store = open_store(sources)
     types = {kind: [store.spelled(name, kind) for name in _names(store, kind, package)] for kind in kinds or KINDS}
     if command != "list":
         names = [name for found in types.values() for name in found]
         put_names(names if command == "package" else sorted({name.partition("/")[0] for name in names}))
-        return 0
+        return
     for kind, found in types.items():
         put_names([_TITLES[kind], *(f"    {name}" for name in found)])
-    return 0
 
 
 _TITLES: dict[Kind, str] = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
@@ -253,20 +251,19 @@ def _find_one(store: Store, name: str) -> tuple[str, Kind]:
     return found
 
 
-def show_interface(name: str, choice: DefinitionSources) -> int:
+def show_interface(name: str, sources: DefinitionSources) -> None:
     """Print a definition, and below each field of another message the fields of that, behind tabs.
 
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.
         RefusedError: the type is unknown.
     """
-    store = open_store(choice)
+    store = open_store(sources)
     for i, part in enumerate(_parts(store, *_find_one(store, name))):
         lines = part.text.split("\n")
         for field in sorted(part.fields, key=lambda one: -one.line):
             lines[field.line : field.line] = _nested(store, field.type, "\t")
         put("---\n" * (i > 0) + "\n".join(lines).strip("\n"))
-    return 0
 
 
 def _nested(store: Store, name: str, pad: str) -> list[str]:
@@ -275,18 +272,17 @@ def _nested(store: Store, name: str, pad: str) -> list[str]:
     return [line for f in fields for line in (f"{pad}{f.full_type} {f.name}", *_nested(store, f.type, f"{pad}\t"))]
 
 
-def show_prototype(name: str, choice: DefinitionSources) -> int:
+def show_prototype(name: str, sources: DefinitionSources) -> None:
     """Print a message with its default values, in quotes for `topic pub`, as `ros2 interface proto` does.
 
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.
         RefusedError: the type is unknown.
     """
-    store = open_store(choice)
+    store = open_store(sources)
     found, kind = _find_one(store, name)
     if kind == "msg":
         part = store.message(found)
     else:
         part = store.service(found).request if kind == "srv" else store.action(found).goal
     put(f'"{render(json.loads(part.encode_json(part.default())))}\n"')
-    return 0

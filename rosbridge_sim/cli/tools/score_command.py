@@ -32,7 +32,7 @@ NOW_AND_MOST = (
 """Title, field of now, of the extreme and of the mean, and unit."""
 
 
-async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
+async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> None:
     """Show the scores of all egos.
 
     Args:
@@ -46,15 +46,14 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
     values = await bridge.request(SCORE, {"reset": is_reset})
     if is_json:
         put_json(values)
-        return 0
+        return
     if values.get("message"):
         note(str(values["message"]))
     for score in frames_in(values, "scores"):
         _put_score(score)
-    return 0
 
 
-async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> int:
+async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> None:
     """Show the scores of all egos as they change, once a second at most.
 
     Args:
@@ -75,7 +74,6 @@ async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> int:
                 put(_line(score))
         if num_left is not None:
             num_left -= 1
-    return 0
 
 
 def _put_score(score: Frame) -> None:

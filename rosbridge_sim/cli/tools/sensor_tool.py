@@ -21,7 +21,7 @@ JPEG_SUFFIXES = (".jpg", ".jpeg")
 """Suffixes of files that get the bytes of the camera as they are."""
 
 
-async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
+async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> None:
     """Show the sensors of an ego.
 
     Args:
@@ -35,7 +35,7 @@ async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
     sensors = await _ask(bridge, ego)
     if is_json:
         put_json(sensors)
-        return 0
+        return
     names = ("x", "y", "z", "roll", "pitch", "yaw")
     put_table(
         ("NUMBER", "KIND", "NAME", "HZ", "MEASURED", "PLACE AND ANGLES", "TOPICS"),
@@ -54,10 +54,9 @@ async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
     )
     if all(one.get("kind") in {"gps", "imu"} for one in sensors):
         put("no cameras, lidars or radars; the server's --sensors brings them")
-    return 0
 
 
-async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> int:
+async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> None:
     """Save the next picture of a camera.
 
     Args:
@@ -93,7 +92,6 @@ async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> int:
             break
     data, size = _write(message, path)
     put(f"{safe(str(path))}  {size[0]} x {size[1]}  {data:,} bytes  {safe(frame)}")
-    return 0
 
 
 def _write(message: Frame, path: Path) -> tuple[int, tuple[int, int]]:

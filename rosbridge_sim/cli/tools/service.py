@@ -15,7 +15,7 @@ from rosbridge_sim.suggestions import hint
 # list
 
 
-async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_count: bool, is_json: bool) -> int:
+async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_count: bool, is_json: bool) -> None:
     """Print all services, sorted by name.
 
     Args:
@@ -30,7 +30,7 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is
     names = sorted(words(await bridge.ask("services"), "services"))
     if is_count or not (is_verbose or has_types):
         put_names(names, is_count=is_count, is_json=is_json)
-        return 0
+        return
     questions = [(question, {"service": name}) for name in names for question in ("service_type", "service_node")]
     answers = await bridge.ask_all(questions)
     kinds = [answer.word("type") for answer in answers[::2]]
@@ -42,31 +42,29 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is
         put_names(names, [kind or "?" for kind in kinds])
     else:
         put_table(("SERVICE", "TYPE", "PROVIDER"), [(name, kind or "?", node or "?") for name, kind, node in rows])
-    return 0
 
 
 # type, node, find
 
 
-async def show_service_word(bridge: Bridge, name: str, key: str, *, is_json: bool) -> int:
+async def show_service_word(bridge: Bridge, name: str, command: str, *, is_json: bool) -> None:
     """Print what rosapi says about a service in one word: its type, or its node.
 
     Args:
-        key: field of the answer, as in the name of rosapi's service.
+        command: `type` or `node`, as in the name of rosapi's service and its answer.
 
     Raises:
         RefusedError: there is no such service.
         BridgeError: there is no answer.
     """
     service = absolute(name)
-    word = str((await bridge.ask(f"service_{key}", service=service)).get(key, ""))
+    word = str((await bridge.ask(f"service_{command}", service=service)).get(command, ""))
     if not word:
         raise RefusedError(await _no_service(bridge, service))
     put_json(word) if is_json else put(safe(word))
-    return 0
 
 
-async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> int:
+async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> None:
     """Print the services of a type, which may be spelled as in either generation.
 
     Raises:
@@ -83,7 +81,6 @@ async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_js
     if not found:
         raise RefusedError(f"no service of type {safe(type_name)} here")
     put_names(found, is_count=is_count, is_json=is_json)
-    return 0
 
 
 # info
@@ -93,7 +90,7 @@ Fields = Sequence[tuple[str, str]]
 """Type and name of each field of a message."""
 
 
-async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
+async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> None:
     """Print a service's type and provider, and its request and response as far as they are known.
 
     Raises:
@@ -112,16 +109,15 @@ async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
         for title, lines in zip(("request", "response"), halves or (None, None), strict=True):
             account[title] = None if lines is None else "\n".join(lines)
         put_json(account)
-        return 0
+        return
     put(f"Type: {safe(kind)}\nProvider: {safe(provider) or 'unknown'}")
     if not halves:
         put("\nIts definition is unknown, on the server and here.")
-        return 0
+        return
     for title, lines in zip(("Request", "Response"), halves, strict=True):
         put(f"\n{title}:{'' if lines else ' (empty)'}")
         for line in lines:
             put(f"  {safe(line)}")
-    return 0
 
 
 Halves = tuple[list[str], list[str]]
@@ -195,7 +191,7 @@ def _outline(name: str, fields_of: Callable[[str], Fields], above: tuple[str, ..
 
 async def call(
     bridge: Bridge, name: str, type_name: str, args: object, patience: float | None, *, is_json: bool
-) -> int:
+) -> None:
     """Call a service; print its answer and the server's status messages about it.
 
     Args:
@@ -225,7 +221,6 @@ async def call(
         put_json(answer.values)
     else:
         put(render(answer.values))
-    return 0
 
 
 async def _check_type(bridge: Bridge, service: str, type_name: str) -> None:

@@ -17,7 +17,7 @@ SUFFIX = ".rbsim"
 """Suffix of snapshots' files: what ends with it is no name that the server keeps."""
 
 
-async def take_snapshot(bridge: Bridge, name: str, path: Path | None, *, is_json: bool) -> int:
+async def take_snapshot(bridge: Bridge, name: str, path: Path | None, *, is_json: bool) -> None:
     """Save the state of a simulator, there and perhaps in a file here.
 
     Args:
@@ -39,10 +39,9 @@ async def take_snapshot(bridge: Bridge, name: str, path: Path | None, *, is_json
     else:
         where = "" if path is None else f"  file {safe(str(path))}"
         put(f"snapshot {safe(str(answer.get('id')))}  {_describe(answer)}{where}")
-    return 0
 
 
-async def list_snapshots(bridge: Bridge, remove: Sequence[str], *, is_json: bool) -> int:
+async def list_snapshots(bridge: Bridge, remove: Sequence[str], *, is_json: bool) -> None:
     """Show the snapshots that a simulator keeps, after some were removed.
 
     Raises:
@@ -58,10 +57,9 @@ async def list_snapshots(bridge: Bridge, remove: Sequence[str], *, is_json: bool
         put_table(
             ("ID", "FRAME", "BYTES", "STATE HASH"), [[safe(str(row.get(key))) for key in columns] for row in rows]
         )
-    return 0
 
 
-async def restore(bridge: Bridge, name: str, user_id: str, *, is_json: bool) -> int:
+async def restore(bridge: Bridge, name: str, user_id: str, *, is_json: bool) -> None:
     """Return a simulator to a snapshot that it keeps, or to one in a file here.
 
     Args:
@@ -79,7 +77,6 @@ async def restore(bridge: Bridge, name: str, user_id: str, *, is_json: bool) -> 
         put_json(answer)
     else:
         put(f"restored  {_describe(answer)}")
-    return 0
 
 
 def _write(path: Path, text: str) -> None:

@@ -12,7 +12,7 @@ from rosbridge_sim.link.terminal_text import safe
 SERVICE = "/sim/spawn"
 
 
-async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool) -> int:
+async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool) -> None:
     """Place one object, and show the number that it got.
 
     Args:
@@ -34,4 +34,3 @@ async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool)
         put_json(values)
     else:
         put(" ".join(str(number) for number in ids))
-    return 0

@@ -130,7 +130,7 @@ async def why_standing(bridge: Bridge) -> str:
 # sync
 
 
-async def show_sync(bridge: Bridge, *, is_json: bool) -> int:
+async def show_sync(bridge: Bridge, *, is_json: bool) -> None:
     """Show the state of synchronous mode, and the members of the barrier if there is one.
 
     Args:
@@ -147,7 +147,7 @@ async def show_sync(bridge: Bridge, *, is_json: bool) -> int:
         barrier = None
     if is_json:
         put_json({"sync": info, "barrier": barrier})
-        return 0
+        return
     frame = _whole(info.get("frame"))
     master = str(info.get("master_id", ""))
     if info.get("status") is not True:
@@ -161,7 +161,6 @@ async def show_sync(bridge: Bridge, *, is_json: bool) -> int:
     if barrier is not None:
         for line in _describe_members(barrier):
             put(line)
-    return 0
 
 
 def _describe_terms(barrier: Frame) -> str:
@@ -192,7 +191,7 @@ def _list(frame: Frame, key: str) -> list[object]:
 # tick
 
 
-async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_starting: bool, is_json: bool) -> int:
+async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_starting: bool, is_json: bool) -> None:
     """Move the world by some ticks, and print the frame and the ego after each.
 
     With `is_starting`, synchronous mode is started first, and ended afterwards if it was off before. If it was on
@@ -221,7 +220,6 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
                 put_json(response)
             else:
                 put(_describe(response))
-    return 0
 
 
 @asynccontextmanager
@@ -258,7 +256,7 @@ async def _leading(bridge: Bridge, user_id: str, step_ms: int | None) -> AsyncIt
 # step
 
 
-async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: bool) -> int:
+async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: bool) -> None:
     """Move the world by one call of `/sim/step`, and show frame, steps, ego and topics.
 
     Args:
@@ -282,7 +280,6 @@ async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: 
             what = f"interrupted after {num} steps" if num else "the step is refused"
             reason = str(response.get("message") or "")
             raise await _refusal(bridge, what, user_id, reason)
-    return 0
 
 
 def _show_steps(response: Frame) -> None:

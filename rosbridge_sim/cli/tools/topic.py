@@ -27,7 +27,7 @@ LOOK_INTERVAL = 0.2
 
 async def list_topics(
     bridge: Bridge, namespace: str, *, is_verbose: bool, has_types: bool, is_count: bool, is_json: bool
-) -> int:
+) -> None:
     """Print topics, sorted by name.
 
     Args:
@@ -45,7 +45,7 @@ async def list_topics(
         topics = [(name, kind) for name, kind in topics if name == inner or name.startswith(f"{inner}/")]
     if is_count or not (is_verbose or is_json):
         put_names([name for name, _ in topics], [kind for _, kind in topics if has_types], is_count=is_count)
-        return 0
+        return
     users = await _who_is_who(bridge) if is_verbose else {}
     if is_json:
         put_json(
@@ -54,10 +54,9 @@ async def list_topics(
                 for name, kind in topics
             ]
         )
-        return 0
+        return
     rows = [(name, kind, *(", ".join(nodes[name]) or "-" for nodes in users.values())) for name, kind in topics]
     put_table(("TOPIC", "TYPE", *(title.upper() for title in users)), rows)
-    return 0
 
 
 async def types_of_topics(bridge: Bridge) -> dict[str, str]:
@@ -103,14 +102,13 @@ async def _type_of(bridge: Bridge, topic: str) -> str:
     return kind
 
 
-async def show_topic_type(bridge: Bridge, name: str, *, is_json: bool) -> int:
+async def show_topic_type(bridge: Bridge, name: str, *, is_json: bool) -> None:
     """Print a topic's type; see `_type_of` for errors."""
     kind = await _type_of(bridge, absolute(name))
     put_json(kind) if is_json else put(safe(kind))
-    return 0
 
 
-async def find_topics(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> int:
+async def find_topics(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> None:
     """Print the topics of a type, which may be spelled as in either generation.
 
     Raises:
@@ -123,10 +121,9 @@ async def find_topics(bridge: Bridge, type_name: str, *, is_count: bool, is_json
     if not found:
         raise RefusedError(f"no topic of type {safe(type_name)} here{hint(type_name, sorted(set(types.values())))}")
     put_names(found, is_count=is_count, is_json=is_json)
-    return 0
 
 
-async def show_topic(bridge: Bridge, name: str, *, is_verbose: bool, is_json: bool) -> int:
+async def show_topic(bridge: Bridge, name: str, *, is_verbose: bool, is_json: bool) -> None:
     """Print a topic's type, and its publishers and subscribers.
 
     Args:
@@ -142,16 +139,15 @@ async def show_topic(bridge: Bridge, name: str, *, is_verbose: bool, is_json: bo
     subscribers = words(await bridge.ask("subscribers", topic=topic), "subscribers")
     if is_json:
         put_json({"topic": topic, "type": kind, "publishers": publishers, "subscribers": subscribers})
-        return 0
+        return
     put(f"Type: {safe(kind)}")
     if is_verbose:
         _put_endpoints(kind, publishers, subscribers)
-        return 0
+        return
     for title, nodes in (("Publishers", publishers), ("Subscribers", subscribers)):
         put(f"\n{title}:{'' if nodes else ' None'}")
         for node in nodes:
             put(f" * {safe(node)}")
-    return 0
 
 
 def _put_endpoints(kind: str, publishers: Sequence[str], subscribers: Sequence[str]) -> None:
@@ -216,7 +212,7 @@ async def echo(
     *,
     patience: float | None,
     form: Echo,
-) -> int:
+) -> None:
     """Print each message as it comes, up to a number.
 
     Args:
@@ -243,7 +239,6 @@ async def echo(
             continue
         form.put(msg if field is None else field.find(msg), is_first=not num_printed)
         num_printed += 1
-    return 0
 
 
 async def _split_field(bridge: Bridge, name: str, field: FieldPath | None) -> tuple[str, FieldPath | None]:
@@ -302,7 +297,7 @@ class FieldPath:
 # pub
 
 
-async def positional_message(bridge: Bridge, type_name: str, values: Sequence[object]) -> Frame:
+async def _positional_message(bridge: Bridge, type_name: str, values: Sequence[object]) -> Frame:
     """Return a message from the values of its fields in order, as `rostopic pub` takes them; a list may be a message.
 
     Raises:
@@ -352,37 +347,40 @@ async def publish(
     bridge: Bridge,
     name: str,
     type_name: str,
-    msg: Frame,
+    values: Sequence[object],
     *,
     count: int | None,
     rate: float | None,
     is_latched: bool,
     num_subscribers: int,
-    patience: float,
+    wait: float,
     is_json: bool,
-) -> int:
+) -> None:
     """Publish a message `count` times, or until Ctrl-C.
 
     Args:
         name: name of the topic.
-        msg: the message.
+        values: the message, or the values of its fields in order.
         count: number of messages; None means no end.
         rate: messages per second [Hz]; None publishes once, and then stays for later subscribers.
         is_latched: later subscribers get the last message.
         num_subscribers: nodes that must subscribe before the first message.
-        patience: longest wait for them [s].
+        wait: longest wait for them [s].
         is_json: print the result as JSON for programs.
 
     Raises:
         RefusedError: the server refuses it.
     """
     topic = absolute(name)
+    first = values[0] if values else {}
+    is_whole = len(values) < 2 and isinstance(first, dict)  # noqa: PLR2004 - one that has all fields
+    msg = first if is_whole else await _positional_message(bridge, type_name, values)
     # Some refusals are warnings, such as a control that the simulator ignores; servers without levels send all.
     ignored = await bridge.send("set_level", level="warning")
     await bridge.send("advertise", topic=topic, type=type_name, latch=is_latched)
     if num_subscribers:
         note(f"waiting for at least {num_subscribers} matching subscription(s)...")
-        await _await_subscribers(bridge, topic, num_subscribers, patience)
+        await _await_subscribers(bridge, topic, num_subscribers, wait)
     await bridge.send("publish", topic=topic, msg=msg)
     listeners = await _check(bridge, topic, ignored)
     num_sent = 1
@@ -402,7 +400,6 @@ async def publish(
         _account(topic, type_name, num_sent, "", is_json=is_json)
         raise
     _account(topic, type_name, num_sent, listeners, is_json=is_json)
-    return 0
 
 
 def _account(topic: str, type_name: str, num_sent: int, listeners: str, *, is_json: bool) -> None:

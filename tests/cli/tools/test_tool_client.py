@@ -259,7 +259,7 @@ async def test_echo_reports_a_silent_server_and_goes_on_waiting(capsys: pytest.C
         tool = asyncio.create_task(echo(bridge, "/chatter", None, None, 1, patience=None, form=Echo()))
         await asked.wait()
         loop.call_later(4 * float(SHORT), silence.set)
-        assert await tool == 0
+        await tool
     said = f"rosbridge-sim: {url}: no answer within {SHORT} s; is rosapi running there? Waiting for messages\n"
     assert capsys.readouterr() == ("data: 1\n---\n", said)
 
