@@ -1,15 +1,13 @@
 #!/usr/bin/env python3
-"""Cost of fixed workloads, as multiples of a reference loop in the same process.
+"""Cost of fixed workloads: functions that they call, and CPU time beside another checkout.
 
-    python scripts/bench/guard.py [--only NAME]... [--rounds N] [--write] [--tree FOLDER [--pairs N]]
+    python scripts/bench/guard.py [--only NAME]...                       prints the calls of each workload
+    python scripts/bench/guard.py --tree FOLDER [--pairs N] [--rounds N] [--only NAME]...
 
-Workload and reference loop take turns of some milliseconds, and the cost is the ratio of their lowest CPU times. A
-ratio hardly depends on other programs, but on the kind of processor: on one kind all workloads cost 1.3 times as much
-as on another. So `guard.json` has figures for each kind; on a kind that it lacks, and with another Python, write the
-figures anew before a change. A workload may cost ROOM times its figure. A higher cost is measured again,
-up to TRIES times, before it counts as a failure. The exit code is 1 if any fails. `--write` writes the figures anew; do
-that with a change that makes a workload cheaper, or that has a good reason to make it dearer. `--tree` measures another
-checkout in turn and prints both.
+The calls are those of all functions, of Python and of C, as the interpreter reports them in one repetition. They are
+the same on every machine, so `tests/test_cost.py` holds them. They do not tell how long a call takes: `--tree` measures
+the CPU time of another checkout and of this one in turn, as multiples of a reference loop in the same process, and
+prints both with their ratio. A multiple depends on the kind of processor, their ratio hardly.
 
 The workloads are those parts of the server that each message passes, from the bytes of a frame to the bytes of the
 answer, without sockets.
@@ -21,13 +19,13 @@ import argparse
 import gc
 import json
 import logging
-import platform
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from statistics import median
 from time import thread_time_ns
+from types import FrameType
 
 _HERE = Path(__file__).resolve()
 _TREE = Path(sys.argv[sys.argv.index("--measure-tree") + 1]) if "--measure-tree" in sys.argv else _HERE.parents[2]
@@ -46,14 +44,8 @@ from rosbridge_sim.shell.websocket.memory import keep_memory  # noqa: E402 - as 
 from scripts.bench import bodies  # noqa: E402 - as above
 from scripts.bench.core import Core  # noqa: E402 - as above
 
-FIGURES = _HERE.with_name("guard.json")
-"""Figures to compare with."""
-
-ROOM = 1.10
-"""A workload may cost so many times its figure."""
-
-TRIES = 5
-"""A workload that costs more is measured so many times, and the lowest counts: other programs only make it dearer."""
+REPEATS = 9
+"""Repetitions whose calls are counted; the lowest number counts, since every few frames a tick has more to do."""
 
 ROUNDS = 40
 """Turns of the workload and of the reference loop in one measurement."""
@@ -240,43 +232,30 @@ def _time(work: Work, num: int) -> int:
     return thread_time_ns() - start
 
 
-def processor() -> str:
-    """Return the maker of this machine's processor, as Linux names it; elsewhere its architecture."""
-    if Path("/proc/cpuinfo").exists():
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("vendor_id"):
-                return line.partition(":")[2].strip()
-    return platform.machine()
-
-
-def read_figures(kind: str) -> dict[str, float]:
-    """Return the figures of a kind of processor; of one without figures the highest of all kinds.
+def count_calls(prepare: Callable[[], Work]) -> int:
+    """Return how many functions a workload calls in one repetition, of Python and of C.
 
     Args:
-        kind: see `processor`.
+        prepare: makes the workload.
     """
-    known: dict[str, dict[str, float]] = json.loads(FIGURES.read_text())
-    return known.get(kind) or {name: max(each[name] for each in known.values()) for name in WORKLOADS}
+    work = prepare()
+    _count(work)  # so that its caches are warm
+    return min(_calls_of(work) for _ in range(REPEATS))
 
 
-def judge(name: str, figure: float, *, rounds: int = ROUNDS, tries: int = TRIES) -> tuple[float, bool]:
-    """Measure a workload, several times if it costs too much.
+def _calls_of(work: Work) -> int:
+    num = 0
 
-    Args:
-        name: of the workload.
-        figure: to compare with.
-        rounds: turns of each measurement.
-        tries: measurements at most.
+    def note(_frame: FrameType, event: str, _argument: object) -> None:
+        nonlocal num
+        num += event in {"call", "c_call"}
 
-    Returns:
-        Its lowest cost, and whether that is within the bound.
-    """
-    cost = float("inf")
-    for _ in range(tries):
-        cost = min(cost, measure(WORKLOADS[name], rounds))
-        if cost <= ROOM * figure:
-            return cost, True
-    return cost, False
+    sys.setprofile(note)
+    try:
+        work()
+    finally:
+        sys.setprofile(None)
+    return num - 1  # without the call that ends the count
 
 
 def _compare(tree: Path, names: Sequence[str], rounds: int, pairs: int) -> None:
@@ -296,12 +275,11 @@ def _compare(tree: Path, names: Sequence[str], rounds: int, pairs: int) -> None:
         print(f"{name:46} {median(other[name]):9.4f} {median(own[name]):9.4f} {ratio:6.2f}")
 
 
-def main() -> int:
+def main() -> None:
     """Parse the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="workloads whose name holds this")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns of each [%(default)s]")
-    parser.add_argument("--write", action="store_true", help="write the figures anew")
     parser.add_argument("--tree", type=Path, metavar="FOLDER", help="compare with this checkout")
     parser.add_argument("--pairs", type=int, default=5, help="measurements of each checkout [%(default)s]")
     parser.add_argument("--measure-tree", type=Path, help=argparse.SUPPRESS)
@@ -311,24 +289,12 @@ def main() -> int:
     names = [name for name in WORKLOADS if not options.only or any(part in name for part in options.only)]
     if options.tree is not None:
         _compare(options.tree.resolve(), names, options.rounds, options.pairs)
-        return 0
-    if options.measure_tree is not None:
+    elif options.measure_tree is not None:
         print(json.dumps({name: measure(WORKLOADS[name], options.rounds) for name in names}))
-        return 0
-    kind = processor()
-    known = read_figures(kind)
-    if options.write:
+    else:
         for name in names:
-            known[name] = round(median(measure(WORKLOADS[name], options.rounds) for _ in range(5)), 4)
-        every = json.loads(FIGURES.read_text()) | {kind: {name: known[name] for name in WORKLOADS}}
-        FIGURES.write_text(json.dumps(dict(sorted(every.items())), indent=2) + "\n")
-    num_dear = 0
-    for name in names:
-        cost, is_good = judge(name, known[name])
-        num_dear += not is_good
-        print(f"{name:46} {cost:9.4f}  figure {known[name]:9.4f}  {'' if is_good else 'DEARER'}")
-    return 1 if num_dear else 0
+            print(f"{name:46} {count_calls(WORKLOADS[name]):6}")
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()
