@@ -9,7 +9,6 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Itera
 from contextlib import AsyncExitStack
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -17,11 +16,6 @@ import pytest_asyncio
 
 from tests.deployment import Bridges, Place
 from tests.support import Client, ServerProcess, require_tool
-
-if TYPE_CHECKING:
-    from xdist.remote import Producer
-
-    from tests.spreading import FilesTogether
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
@@ -32,14 +26,20 @@ hypothesis.settings.load_profile("ours")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add `--long`."""
+    """Add our options."""
     parser.addoption("--long", action="store_true", help="run what takes long, and more examples of hypothesis")
+    parser.addoption("--processes", type=int, default=0, help="run files of tests in so many forks of this process")
+    parser.addoption("--list-files", type=int, default=10, help="list so many files that took longest")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Choose how many examples hypothesis tries where a test does not say it."""
+    """Choose how many examples hypothesis tries where a test does not say it, and where tests run."""
     if config.getoption("--long"):
         hypothesis.settings.load_profile("long")
+    if processes := config.getoption("--processes"):
+        from tests.forked_workers import ForkedWorkers  # noqa: PLC0415 - one process alone has no need of it
+
+        config.pluginmanager.register(ForkedWorkers(processes, config.getoption("--list-files")))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -66,16 +66,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         (chosen if is_in_run(item, is_long=is_long) else others).append(item)
     config.hook.pytest_deselected(items=others)
     items[:] = sorted(chosen, key=_turn_of)
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FilesTogether | None:
-    """Spread files over processes in our own way."""
-    if config.getvalue("dist") != "loadfile":
-        return None
-    from tests.spreading import FilesTogether  # noqa: PLC0415 - one process alone has no need of it
-
-    return FilesTogether(config, log)
 
 
 LONGEST = (
@@ -115,7 +105,7 @@ LONGEST = (
 )
 """Files in the order of their CPU time, from 36 s to 5 s. Begun last, one of them would run alone at the end.
 
-A file of `tests.spreading.TOGETHER` stands for all that run with it: 85 s and 42 s.
+A file of `tests.forked_workers.TOGETHER` stands for all that run with it: 85 s and 42 s.
 """
 
 LONGEST_LONG = (

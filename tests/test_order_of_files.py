@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.conftest import LONGEST, LONGEST_LONG, PROGRAMS, is_in_run
-from tests.spreading import APART, TOGETHER
 from tests.support import ROOT
 
 
@@ -38,7 +37,3 @@ def test_long_run_has_the_long_tests_and_those_of_hypothesis(
 ) -> None:
     item = pytest.Function.from_parent(request.node.parent, name="test", callobj=function)
     assert [is_long for is_long in (False, True) if is_in_run(item, is_long=is_long)] == runs
-
-
-def test_files_that_share_a_browser_exist() -> None:
-    assert [name for name in (*TOGETHER, *APART) if not (ROOT / name).is_file()] == []

@@ -15,6 +15,8 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
+from tests.forked_workers import WORKER
+
 PATIENCE = 20.0
 """For a loaded machine [s]; nothing here takes a second on an idle one."""
 
@@ -23,8 +25,7 @@ __all__ = ["Clock", "CtrlCmd", "Program", "String", "domain_of", "until"]
 
 def domain_of(index: int) -> int:
     """A domain for one of 16 tests of a file; each process of pytest has its own sixteen."""
-    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw12").removeprefix("gw")
-    return 10 + 16 * (int(worker) % 13) + index
+    return 10 + 16 * (int(os.environ.get(WORKER, "12")) % 13) + index
 
 
 Time = make_idl_struct("Time", "builtin_interfaces::msg::dds_::Time_", {"sec": int32, "nanosec": uint32})

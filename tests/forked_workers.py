@@ -1,0 +1,271 @@
+"""Tests in forks of the process that has collected them: files one at a time in each, those of one browser together.
+
+To collect all tests takes longer than to run most files of them, so `--processes N` does it once and then forks. What a
+fork reports goes to the hooks of the first process: `-x`, `--junitxml`, `--durations` and the summary are pytest's own.
+At the end the files that took longest are listed, with the CPU time of the programs that they started.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import time
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import pairwise
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+from _pytest.runner import CallInfo
+
+__all__ = ["APART", "TOGETHER", "WORKER", "ForkedWorkers", "cpu_time"]
+
+_WITH_WEBGL = ("drawn", "map", "sensors", "views")
+_WITHOUT = (
+    *("campaign_report", "connection", "cost", "documentation", "driving", "graph", "language", "page"),
+    *("panels", "replay", "start", "text_only", "timeline"),
+)
+
+TOGETHER = {
+    **{f"tests/page/test_{name}.py": "pages with WebGL" for name in _WITH_WEBGL},
+    **{f"tests/page/test_{name}.py": "pages without WebGL" for name in _WITHOUT},
+}
+"""Files whose tests share a Chromium: the first picture of one with WebGL takes as long as five tests."""
+
+APART = {
+    "tests/end_to_end/test_sensor_programs.py",
+    "tests/simulator/test_town_traffic.py",
+    "tests/world/many_worlds/test_batch.py",
+}
+"""Files whose tests share nothing, and of which some take minutes: together they would keep one process busy alone."""
+
+WORKER = "TEST_WORKER"
+"""Environment variable: the number of this process among those that run tests."""
+
+_CONTEXT = multiprocessing.get_context("fork")
+
+
+@dataclass
+class _Worker:
+    """A fork, as the first process knows it.
+
+    Attributes:
+        waiting: tests that it was given and has not begun, as places in the list of all.
+        running: the one that has begun.
+    """
+
+    process: BaseProcess
+    waiting: list[int] = field(default_factory=list)
+    running: int | None = None
+
+
+class ForkedWorkers:
+    """The pytest plugin that takes the place of pytest's own loop over the tests.
+
+    Args:
+        num_workers: how many processes run tests at the same time.
+        num_listed: how many files are listed at the end.
+    """
+
+    def __init__(self, num_workers: int, num_listed: int) -> None:
+        self._num_workers, self._num_listed = num_workers, num_listed
+        self._num_forked = 0
+        self._workers: dict[Connection, _Worker] = {}
+        self._groups: list[list[int]] = []
+        self._costs: dict[str, tuple[float, float]] = defaultdict(lambda: (0.0, 0.0))
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
+        """Run all tests in forks."""
+        if session.testsfailed or session.config.option.collectonly:
+            return None  # pytest's own loop knows what to say
+        reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+        if reporter is not None:
+            reporter.showfspath = False  # tests of several files end in turns
+        self._groups = _groups_of(session.items)
+        try:
+            for _ in range(min(self._num_workers, len(self._groups))):
+                self._fork(session)
+            while self._workers:
+                for connection in wait(list(self._workers)):
+                    self._hear(session, cast("Connection", connection))
+                    if session.shouldfail:
+                        raise session.Failed(session.shouldfail)
+                    if session.shouldstop:
+                        raise session.Interrupted(session.shouldstop)
+        finally:
+            for connection, worker in self._workers.items():
+                os.kill(worker.process.pid or 0, signal.SIGINT)  # as Ctrl-C does: what it has started is stopped
+                connection.close()
+            for worker in self._workers.values():
+                worker.process.join()
+        return True
+
+    def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
+        """List the files that took longest."""
+        costs = sorted(self._costs.items(), key=lambda cost: cost[1][::-1], reverse=True)
+        terminalreporter.section(f"{self._num_listed} files that took longest")
+        for file, (wall, cpu) in costs[: self._num_listed]:
+            terminalreporter.write_line(f"{wall:6.1f} s, CPU time {cpu:6.1f} s  {file}")
+        cpu = sum(cpu for _, cpu in self._costs.values())
+        terminalreporter.write_line(f"CPU time of all: {cpu + time.process_time():.0f} s")
+
+    def _fork(self, session: pytest.Session) -> None:
+        ours, theirs = _CONTEXT.Pipe()
+        process = _CONTEXT.Process(
+            target=_work, args=(session, theirs, [ours, *self._workers], self._num_forked % self._num_workers)
+        )
+        process.start()
+        theirs.close()
+        self._num_forked += 1
+        self._workers[ours] = _Worker(process)
+
+    def _hear(self, session: pytest.Session, connection: Connection) -> None:
+        """Take one message of a fork."""
+        worker, hook = self._workers[connection], session.config.hook
+        try:
+            kind, value = connection.recv()
+        except (EOFError, ConnectionResetError):
+            self._bury(session, connection)
+            return
+        if kind == "begin":
+            worker.running = value
+            worker.waiting.remove(value)
+        elif kind == "report":
+            report = hook.pytest_report_from_serializable(config=session.config, data=value)
+            hook.pytest_runtest_logreport(report=report)
+        elif kind == "warning":
+            hook.pytest_warning_recorded.call_historic(kwargs=value)
+        elif kind == "end":
+            worker.running = None
+            hook.pytest_runtest_logfinish(nodeid=value[0], location=value[1])
+        elif kind == "cost":
+            file, wall, cpu = value
+            self._costs[file] = self._costs[file][0] + wall, self._costs[file][1] + cpu
+        else:  # it wants work
+            worker.waiting = self._groups.pop(0) if self._groups else []
+            connection.send(list(worker.waiting))
+
+    def _bury(self, session: pytest.Session, connection: Connection) -> None:
+        """A fork has ended: in the midst of a test, that one has failed, and another fork runs the rest."""
+        worker = self._workers.pop(connection)
+        connection.close()
+        worker.process.join()
+        if worker.running is not None:
+            item = session.items[worker.running]
+            text = f"the process of the test ended with {worker.process.exitcode}"
+            session.config.hook.pytest_runtest_logreport(
+                report=pytest.TestReport(item.nodeid, item.location, {}, "failed", text, "call")
+            )
+        elif worker.process.exitcode:
+            raise session.Failed(f"a process of tests ended between two of them with {worker.process.exitcode}")
+        if worker.waiting:
+            self._groups.insert(0, worker.waiting)
+        if self._groups:
+            self._fork(session)
+
+
+def _groups_of(items: Iterable[pytest.Item]) -> list[list[int]]:
+    """What is run in one process: the tests of a file, of several, or a single one; as places in the list of all."""
+    groups: dict[str, list[int]] = defaultdict(list)
+    for i, item in enumerate(items):
+        file = _file_of(item)
+        groups[item.nodeid if file in APART else TOGETHER.get(file, file)].append(i)
+    return list(groups.values())
+
+
+def _file_of(item: pytest.Item) -> str:
+    return item.nodeid.partition("::")[0]
+
+
+# The side of a fork
+
+
+def _work(session: pytest.Session, connection: Connection, others: Iterable[Connection], number: int) -> None:
+    """Run the tests that the first process sends, until it sends none."""
+    for other in others:
+        other.close()
+    config = session.config
+    os.environ[WORKER] = str(number)
+    _have_own_files(config, number)
+    config.pluginmanager.unregister(name="terminalreporter")
+    config.pluginmanager.register(_Sender(config, connection))
+    item: pytest.Item | None = None
+    try:
+        while group := _ask(connection):
+            began, cpu = time.monotonic(), cpu_time()
+            for i, after in pairwise([*group, -1]):
+                item, following = session.items[i], session.items[after] if after >= 0 else None
+                connection.send(("begin", i))
+                # Behind None all fixtures would end; behind the session, those of the file.
+                config.hook.pytest_runtest_protocol(item=item, nextitem=following or session)
+                if following is None or _file_of(following) != _file_of(item):
+                    connection.send(("cost", (_file_of(item), time.monotonic() - began, cpu_time() - cpu)))
+                    began, cpu = time.monotonic(), cpu_time()
+    except (KeyboardInterrupt, EOFError, BrokenPipeError, ConnectionResetError):
+        connection.close()  # the first process was stopped, or has ended
+    call = CallInfo.from_call(lambda: session._setupstate.teardown_exact(None), when="teardown")
+    if item is not None and not connection.closed and call.excinfo is not None:
+        report = config.hook.pytest_runtest_makereport(item=item, call=call)
+        config.hook.pytest_runtest_logreport(report=report)
+
+
+def _ask(connection: Connection) -> list[int]:
+    connection.send(("ask", None))
+    group: list[int] = connection.recv()
+    return group
+
+
+def _have_own_files(config: pytest.Config, number: int) -> None:
+    """Give a fork its own folder, and its own files for what tests print."""
+    factory = cast("pytest.TempPathFactory", config._tmp_path_factory)  # type: ignore[attr-defined]
+    factory._basetemp = factory.getbasetemp() / f"worker{number}"
+    factory._basetemp.mkdir(exist_ok=True)
+    capture: Any = config.pluginmanager.get_plugin("capturemanager")
+    capture.stop_global_capturing()
+    capture.start_global_capturing()
+    capture.suspend_global_capture(in_=True)
+
+
+class _Sender:
+    """The pytest plugin of a fork that sends what happens to the first process."""
+
+    def __init__(self, config: pytest.Config, connection: Connection) -> None:
+        self._config, self._connection = config, connection
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Send a report."""
+        data = self._config.hook.pytest_report_to_serializable(config=self._config, report=report)
+        self._connection.send(("report", data))
+
+    def pytest_runtest_logfinish(self, nodeid: str, location: tuple[str, int | None, str]) -> None:
+        """Send that a test is over."""
+        self._connection.send(("end", (nodeid, location)))
+
+    def pytest_warning_recorded(self, warning_message: Any, when: str, nodeid: str, location: Any) -> None:  # noqa: ANN401 - as pytest has it
+        """Send a warning."""
+        value = {"warning_message": warning_message, "when": when, "nodeid": nodeid, "location": location}
+        self._connection.send(("warning", value))
+
+
+def cpu_time() -> float:
+    """CPU time of this process, and of all programs that it has started and that those have started [s]."""
+    if not Path("/proc/self/stat").exists():
+        return sum(os.times()[:4])
+    ticks, waiting, seen = 0, [os.getpid()], set()
+    while waiting:
+        pid = waiting.pop()
+        seen.add(pid)
+        try:
+            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            for task in Path(f"/proc/{pid}/task").iterdir():
+                waiting += [int(child) for child in (task / "children").read_text().split()]
+        except OSError:
+            continue  # it has ended meanwhile
+        ticks += sum(map(int, fields[11:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")
