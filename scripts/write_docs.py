@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Write the generated pages and pictures of the documentation.
 
-    python scripts/write_docs.py           writes docs/reference/*.md, docs/images/*.svg, the walks in architecture.md
+    python scripts/write_docs.py           writes docs/reference/*.md, docs/images/*.svg, the walks in architecture.md,
+                                           and the arguments of Simulator in options.py
     python scripts/write_docs.py --check   writes nothing; lists outdated files and ends with code 1
 
 Run it after a change of a setting, a definition, a topic, a service, the table of synchronous mode, an import
@@ -27,6 +28,7 @@ from scripts.docs_pages.environments import write_environments  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
 from scripts.docs_pages.learning_curve import draw_learning_curve  # noqa: E402
+from scripts.docs_pages.options import write_options  # noqa: E402
 from scripts.docs_pages.rooms import PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
 from scripts.walks import write_walks  # noqa: E402
@@ -36,6 +38,7 @@ DOCS: Final = ROOT / "docs"
 GENERATED: Final[dict[str, Callable[[], str]]] = {
     "architecture.md": write_walks,
     "reference/flags.md": write_flags,
+    "../rosbridge_sim/shell/config/options.py": write_options,
     "reference/campaigns.md": write_campaigns,
     "reference/environments.md": write_environments,
     "reference/fields_22.md": lambda: write_fields("22.R2"),

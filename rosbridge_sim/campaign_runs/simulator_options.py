@@ -11,7 +11,7 @@ from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Value
-from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.suggestions import hint
 
@@ -50,12 +50,12 @@ def check_settings(keys: Iterable[str], where: str, *, has_server: bool) -> None
     for key in keys:
         flag = key.replace("_", "-")
         if flag not in FIELDS and flag not in SHORT_FORMS:
-            raise DocumentError(f"{where}setting.{key}: there is no such setting{hint(flag, [*FIELDS, *SHORT_FORMS])}")
+            raise DocumentError(f"{where}setting.{key}: there is no such setting{hint(flag, FLAGS)}")
         if key in OWN_SETTINGS:
             raise DocumentError(f"{where}setting.{key}: expected another setting; this one belongs to the campaign")
         if has_server:
             continue
-        why = NEED_A_SERVER.get(key, "" if flag_of(flag).group in GROUPS else "it has no server")
+        why = NEED_A_SERVER.get(key, "" if FLAGS[flag].group in GROUPS else "it has no server")
         if why:
             raise DocumentError(
                 f"{where}setting.{key}: a driver in Python does not take it: {why}. A driver with a command does"

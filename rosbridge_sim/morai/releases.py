@@ -8,7 +8,7 @@ release, uses instead of the wire's. They are accepted from clients and never se
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.schema.definitions.dialect import Leniency
@@ -192,33 +192,13 @@ SPEED_LIMITS: Final[Mapping[str, SpeedLimits]] = {"26.R1": (1.0, 2.0)}
 do."""
 
 
-def choose_profile(
-    name: Literal["manual", "field"],
-    release: str = "22.R2",
-    *,
-    wheel_angle_unit: Literal["rad", "deg"] | None = None,
-    object_size_order: Literal["width-length-height", "length-width-height"] | None = None,
-    object_limit: int | None = None,
-    object_velocity_unit: Literal["km/h", "m/s"] | None = None,
-    object_range: float | None = None,
-) -> Profile:
-    """Return a named profile with some choices replaced; None leaves a choice to the profile.
+def choose_profile(name: Literal["manual", "field"], release: str = "22.R2", **own: object) -> Profile:
+    """Return a named profile with some choices replaced.
 
     Args:
         name: `manual` for the manual of the release, `field` for published client code.
         release: of MORAI SIM.
-        wheel_angle_unit: see `Profile`.
-        object_size_order: see `Profile`.
-        object_limit: see `Profile`.
-        object_velocity_unit: see `Profile`.
-        object_range: see `Profile`.
+        own: fields of `Profile`; None leaves a choice to the profile.
     """
-    own = {
-        "wheel_angle_unit": wheel_angle_unit,
-        "object_size_order": object_size_order,
-        "object_limit": object_limit,
-        "object_velocity_unit": object_velocity_unit,
-        "object_range": object_range,
-    }
-    chosen: dict[str, Any] = {key: value for key, value in own.items() if value is not None}  # checked by their types
+    chosen = {key: value for key, value in own.items() if value is not None}
     return replace({"manual": RELEASES[release], "field": FIELD}[name], **chosen)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
@@ -16,7 +17,7 @@ from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
-from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
+from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, Profile, choose_profile
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.pictures import Weather
@@ -126,18 +127,8 @@ def make_simulator_node(
     """
     if library is None:
         library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
-    profile = choose_profile(
-        settings.profile,
-        settings.release,
-        wheel_angle_unit=settings.wheel_angle_unit,
-        object_size_order=settings.object_size_order,
-        object_limit=settings.object_limit,
-        object_range=settings.object_range,
-        object_velocity_unit=settings.object_velocity_unit,
-    )
-    same = {name: getattr(settings, name) for name in NodeSettings.__struct_fields__ if hasattr(settings, name)}
     differing = {
-        "profile": profile,
+        "profile": choose_profile(settings.profile, settings.release, **_same(Profile.__struct_fields__, settings)),
         "speed_limits": SPEED_LIMITS.get(settings.release),
         "network": NetworkSettings(settings.publishers, settings.subscribers, settings.services),
         "catalogue": library.catalogue,
@@ -148,7 +139,7 @@ def make_simulator_node(
         "standard_topics": settings.standard_topics or settings.ros2_domain is not None,
         "command_deadline": settings.ros2_command_deadline if settings.ros2_wait_for_command else None,
     }
-    choices = NodeSettings(**(same | differing))
+    choices = NodeSettings(**(_same(NodeSettings.__struct_fields__, settings) | differing))
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
     scenario = library.opening_scenario(settings.scenario)
     mistakes = taken_names(settings)
@@ -248,30 +239,27 @@ def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, tex
 
 def limits_of(settings: Settings) -> ServerLimits:
     """Return the limits of the server and of each client."""
-    return ServerLimits(
-        max_frame_size=settings.max_frame_size,
-        ping_interval=settings.ping_interval,
-        ping_timeout=settings.ping_timeout,
-        is_compressing=settings.compression,
-        is_talkative=settings.status,
-        client_memory=settings.client_memory,
-        memory_budget=settings.memory_budget or default_budget(),
-        outbox=outbox_limits(settings),
-        access=Access(
-            token=settings.token,
-            origins=OriginRules(settings.allow_origin, settings.allow_host),
-            max_clients=settings.max_clients,
-            max_strangers=settings.max_strangers,
-            max_rate=settings.max_rate,
-        ),
-        policy=Policy(
+    access = [one.name for one in fields(Access)]
+    differing = {
+        "is_compressing": settings.compression,
+        "is_talkative": settings.status,
+        "memory_budget": settings.memory_budget or default_budget(),
+        "outbox": outbox_limits(settings),
+        "access": Access(origins=OriginRules(settings.allow_origin, settings.allow_host), **_same(access, settings)),
+        "policy": Policy(
             publish=Rule(settings.allow_publish, settings.deny_publish),
             subscribe=Rule(settings.allow_subscribe, settings.deny_subscribe),
             service=Rule(settings.allow_service, settings.deny_service),
             parameter=Rule(settings.allow_param, settings.deny_param),
             max_held=settings.max_held,
         ),
-    )
+    }
+    return ServerLimits(**(_same(ServerLimits.__struct_fields__, settings) | differing))
+
+
+def _same(names: Iterable[str], settings: Settings) -> dict[str, Any]:
+    """Return the settings that have one of these names, such as those of the fields of a record."""
+    return {name: getattr(settings, name) for name in names if hasattr(settings, name)}
 
 
 def complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching: bool) -> None:

@@ -19,7 +19,7 @@ from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.config.flag_table import FIELDS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS
 from rosbridge_sim.world.state.world import Kind, World
@@ -172,7 +172,7 @@ def command_of(settings: Settings) -> str:
     """
     words = ["rosbridge-sim", "serve"]
     for key, field in FIELDS.items():
-        kind, value = flag_of(key).kind, getattr(settings, field.name)
+        kind, value = FLAGS[key].kind, getattr(settings, field.name)
         is_default = value == getattr(Settings(), field.name) and key not in {"scenario", "seed"}
         if is_default or key in _LEFT_OUT or kind in (SECRET, URLS) or kind.is_table:
             continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 
 HEAD = """\
@@ -20,8 +20,8 @@ and the environment beats the file. A switch such as `--compression` has its opp
 def write_flags() -> str:
     """Return the page: a table for each group of settings, in the order of `--help`."""
     groups: dict[str, list[str]] = {}
-    for key in [*FIELDS, *SHORT_FORMS]:
-        groups.setdefault(flag_of(key).group, []).append(key)
+    for key in FLAGS:
+        groups.setdefault(FLAGS[key].group, []).append(key)
     lines = [HEAD]
     for group, keys in groups.items():
         lines += [
@@ -36,7 +36,7 @@ def write_flags() -> str:
 
 
 def _row(key: str) -> str:
-    flag = flag_of(key)
+    flag = FLAGS[key]
     name = f"key `{key}` of the file" if flag.kind.is_table else f"`--{key}`"
     signs = ["on", "off"] if flag.kind is SWITCH else flag.kind.sign.split("|") if flag.kind.sign else ["a table"]
     values = " or ".join(f"`{sign}`" for sign in signs)  # a bar in a code span of a table is no bar everywhere
@@ -45,7 +45,7 @@ def _row(key: str) -> str:
 
 
 def _default(key: str) -> str:
-    kind = flag_of(key).kind
+    kind = FLAGS[key].kind
     default = FIELDS[key].default if key in FIELDS else None
     if kind is SWITCH:
         return "on" if default else "off"

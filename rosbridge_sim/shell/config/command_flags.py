@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser, layout
-from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS
 from rosbridge_sim.shell.config.keys import flags_and_variables, read_value, show_value
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint
@@ -43,7 +43,7 @@ def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, 
         raise SettingError(f"expected flags; got {show_value(rest[0])}")
     for name, value in vars(given).items():
         key = name.replace("_", "-")
-        if key in FIELDS or key in SHORT_FORMS:
+        if key in FLAGS:
             values[key] = read_value(key, value, f"--{key}")
     return values
 
@@ -62,10 +62,10 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
         formatter_class=layout,
     )
     if is_attaching:
-        parser.add_argument("urls", nargs="*", metavar="URL", help=flag_of("attach").kind.expects)
+        parser.add_argument("urls", nargs="*", metavar="URL", help=FLAGS["attach"].kind.expects)
     groups: dict[str, argparse._ArgumentGroup] = {}  # private, because the library has no public name for it
-    for key in [*FIELDS, *SHORT_FORMS]:
-        flag = flag_of(key)
+    for key in FLAGS:
+        flag = FLAGS[key]
         if flag.kind.is_table or (is_attaching and (key == "attach" or flag.group in _OF_SERVERS)):
             continue
         if flag.group not in groups:
@@ -95,7 +95,7 @@ _ATTACH_TEXT = (
     " services at each URL and takes commands from there. It listens on no port of its own."
 )
 
-_OF_SERVERS = (flag_of("port").group, flag_of("token").group)
+_OF_SERVERS = (FLAGS["port"].group, FLAGS["token"].group)
 """Groups of flags about clients of this server; a simulator that does not listen has none of them."""
 
 _ASIDES = {
@@ -107,7 +107,7 @@ _ASIDES = {
 
 def _show_default(key: str) -> str:
     """Return the default as the help text shows it."""
-    kind = flag_of(key).kind
+    kind = FLAGS[key].kind
     default = FIELDS[key].default if key in FIELDS else None
     if kind is SWITCH or kind.separator or key == "config":
         return f" [{'on' if default else 'off'}]" if kind is SWITCH else ""

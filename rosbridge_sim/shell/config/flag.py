@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from rosbridge_sim.shell.config.value_types import SECRET, URLS, ValueType
+from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS, ValueType
 
 T = TypeVar("T")
 
@@ -19,9 +19,23 @@ class Flag:
     text: str
 
 
-def flag(default: T, group: str, kind: ValueType, text: str) -> T:
-    """Return a field of `Settings` with a flag. Its declared type is T, for the type checker."""
-    metadata = {"flag": Flag(group, kind, text)}
-    if isinstance(default, dict):
-        return field(default_factory=lambda: dict(default), metadata=metadata)  # type: ignore[return-value]
-    return field(default=default, metadata=metadata, repr=kind not in (SECRET, URLS))
+class FlagGroup:
+    """A group of flags. Its functions return fields of `Settings`, declared for the type checker as their values."""
+
+    def __init__(self, title: str) -> None:
+        self._title = title
+
+    def flag(self, default: T, kind: ValueType, text: str) -> T:
+        """Return a field with values of this kind."""
+        metadata = {"flag": Flag(self._title, kind, text)}
+        if isinstance(default, dict):
+            return field(default_factory=lambda: dict(default), metadata=metadata)  # type: ignore[return-value]
+        return field(default=default, metadata=metadata, repr=kind not in (SECRET, URLS))
+
+    def switch(self, text: str, *, on: bool = False) -> bool:
+        """Return a field that is True or False; `on` is its default."""
+        return self.flag(on, SWITCH, text)
+
+    def choice(self, default: T, text: str, *, none: str = "") -> T:
+        """Return a field with the words of its type, a `Literal`; the word `none` stands for None."""
+        return field(default=default, metadata={"choice": (self._title, text, none)})

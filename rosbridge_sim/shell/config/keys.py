@@ -8,7 +8,7 @@ from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.urls import hide_in_words
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
 
 def tables() -> list[str]:
     """Return the keys that are tables, which only a file can have."""
-    return [key for key in FIELDS if flag_of(key).kind.is_table]
+    return [key for key in FIELDS if FLAGS[key].kind.is_table]
 
 
 def flags_and_variables() -> list[str]:
@@ -28,7 +28,7 @@ def flags_and_variables() -> list[str]:
 
 def keys() -> list[str]:
     """Return all keys of a file, with the no- form of switches."""
-    return [*FIELDS, *(f"no-{key}" for key in FIELDS if flag_of(key).kind is SWITCH)]
+    return [*FIELDS, *(f"no-{key}" for key in FIELDS if FLAGS[key].kind is SWITCH)]
 
 
 def variable(key: str) -> str:
@@ -49,7 +49,7 @@ def read_value(key: str, value: object, where: str) -> object:
     Raises:
         SettingError: the value is not valid.
     """
-    kind = flag_of(key).kind
+    kind = FLAGS[key].kind
     try:
         return _as_choices(kind.read(value), where) if key in SHORT_FORMS else kind.read(value)
     except DocumentError as error:
@@ -76,7 +76,7 @@ def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
     Raises:
         SettingError: the value is not valid.
     """
-    if key in FIELDS or key in SHORT_FORMS:
+    if key in FLAGS:
         return key, read_value(key, value, where)
     key = key.removeprefix("no-")
     return key, not read_value(key, value, where)

@@ -17,7 +17,7 @@ from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.shell.config.command_flags import read_flags
-from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.keys import add_value, flags_and_variables, read_switchable, read_value, variable
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.settings_file import read_file
@@ -70,7 +70,7 @@ def check_options(options: Mapping[str, object], find_more: FindMistakes = _find
     values = {}
     for name, value in options.items():
         key = name.replace("_", "-")
-        if key not in FIELDS and key not in SHORT_FORMS:
+        if key not in FLAGS:
             known = [*(one.name for one in FIELDS.values()), *SHORT_FORMS]
             raise SettingError(f"no such option: {name}{hint(name, known)}")
         is_none = value is None and key in FIELDS and FIELDS[key].default is None
@@ -154,7 +154,7 @@ def _from_environment(environ: Mapping[str, str]) -> dict[str, object]:
             raise SettingError(f"{name}: expected a token, or none; got an empty text")
         if not text or (key == "port" and text.startswith("tcp://")):
             continue  # Kubernetes sets such a ROSBRIDGE_SIM_PORT for a service named rosbridge-sim
-        kind = SWITCH if key.startswith("no-") else flag_of(key).kind
+        kind = SWITCH if key.startswith("no-") else FLAGS[key].kind
         value: object = text
         if kind.separator:
             value = [part for part in text.split(kind.separator) if part.strip()]

@@ -1,17 +1,15 @@
 """All settings.
 
 `Settings` is the only list. Each field has its flag's group, check and help text. The command line, the environment
-variables, the keys of the file and `--print-config` are all made from it (`loading.py` reads them, `toml_output.py`
-writes them; `value_types.py` has the checks).
+variables, the keys of the file, `--print-config` and the arguments of `Simulator` (`options.py`) are all made from it
+(`loading.py` reads them, `toml_output.py` writes them; `value_types.py` has the checks).
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
-from rosbridge_sim.shell.config.flag import flag
+from rosbridge_sim.shell.config.flag import FlagGroup
 from rosbridge_sim.shell.config.value_types import (
     FILE,
     FOLDER_TYPE,
@@ -23,9 +21,7 @@ from rosbridge_sim.shell.config.value_types import (
     PATTERNS,
     QUALITIES,
     SECRET,
-    SWITCH,
     URLS,
-    choice_of,
     factor,
     item_choices,
     metres,
@@ -41,18 +37,18 @@ from rosbridge_sim.shell.config.value_types import (
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
-_LISTEN = "listening"
-_ATTACH = "attaching to another rosbridge"
-_ROS2 = "ROS 2"
-_ACCESS = "access"
-_WORLD = "the world"
-_NETWORK = "the simulator's topics and services"
-_FACE = "MORAI conventions"
-_SYNC = "synchronous mode"
-_TYPES = "message types"
-_WIRE = "connections and messages"
-_RECORD = "recording"
-_LOG = "log and settings file"
+_LISTEN = FlagGroup("listening")
+_ATTACH = FlagGroup("attaching to another rosbridge")
+_ROS2 = FlagGroup("ROS 2")
+_ACCESS = FlagGroup("access")
+_WORLD = FlagGroup("the world")
+_NETWORK = FlagGroup("the simulator's topics and services")
+_FACE = FlagGroup("MORAI conventions")
+_SYNC = FlagGroup("synchronous mode")
+_TYPES = FlagGroup("message types")
+_WIRE = FlagGroup("connections and messages")
+_RECORD = FlagGroup("recording")
+_LOG = FlagGroup("log and settings file")
 
 _GIB = 2**30
 _DAY = 86_400.0
@@ -65,541 +61,380 @@ class Settings:
     The field `sync_lease` is the flag `--sync-lease`, the variable `ROSBRIDGE_SIM_SYNC_LEASE` and the key `sync-lease`.
     """
 
-    host: str = flag(
+    host: str = _LISTEN.flag(
         "127.0.0.1",
-        _LISTEN,
         text_of("a host name or address", "HOST"),
         "address to listen on; 0.0.0.0 is every IPv4 address of this machine",
     )
-    port: int = flag(9090, _LISTEN, whole_number(0, 65_535), "TCP port to listen on; 0 takes a free one")
-    certfile: str | None = flag(None, _LISTEN, FILE, "TLS certificate (PEM); clients then connect to wss://")
-    keyfile: str | None = flag(None, _LISTEN, FILE, "private key (PEM) of --certfile, if that file does not contain it")
+    port: int = _LISTEN.flag(9090, whole_number(0, 65_535), "TCP port to listen on; 0 takes a free one")
+    certfile: str | None = _LISTEN.flag(None, FILE, "TLS certificate (PEM); clients then connect to wss://")
+    keyfile: str | None = _LISTEN.flag(None, FILE, "private key (PEM) of --certfile, if that file does not contain it")
 
-    port_file: str | None = flag(
-        None,
-        _LISTEN,
-        FILE,
-        "write the port into this file once the server listens, and remove it at the end; for --port 0",
+    port_file: str | None = _LISTEN.flag(
+        None, FILE, "write the port into this file once the server listens, and remove it at the end; for --port 0"
     )
-    listen: bool = flag(
-        default=True,
-        group=_LISTEN,
-        kind=SWITCH,
-        text="accept clients on --port; with --no-listen the simulator is reachable through --attach only",
+    listen: bool = _LISTEN.switch(
+        "accept clients on --port; with --no-listen the simulator is reachable through --attach only", on=True
     )
 
-    page: bool = flag(
-        default=True,
-        group=_LISTEN,
-        kind=SWITCH,
-        text="serve a web page at http://HOST:PORT/ that shows and controls the simulation",
-    )
-    open: bool = flag(default=False, group=_LISTEN, kind=SWITCH, text="open that page in a browser at the start")
-    page_frame_ancestors: tuple[str, ...] = flag(
+    page: bool = _LISTEN.switch("serve a web page at http://HOST:PORT/ that shows and controls the simulation", on=True)
+    open: bool = _LISTEN.switch("open that page in a browser at the start")
+    page_frame_ancestors: tuple[str, ...] = _LISTEN.flag(
         (),
-        _LISTEN,
         FRAMES,
         "web pages that may show that page in a frame, such as https://school.example; repeatable; without it none",
     )
 
-    attach: tuple[str, ...] = flag(
+    attach: tuple[str, ...] = _ATTACH.flag(
         (),
-        _ATTACH,
         URLS,
         "connect to this rosbridge as a client and offer the simulator's topics and services there; repeatable",
     )
-    attach_sockets: Literal["one", "per-topic"] = flag(
+    attach_sockets: Literal["one", "per-topic"] = _ATTACH.choice(
         "one",
-        _ATTACH,
-        choice_of("one", "per-topic"),
         "sockets to each bridge: one (and a second one for pictures and clouds), so that the topics of a tick arrive"
         " before its answer, or one for each topic and service",
     )
-    scene: bool = flag(
-        default=False,
-        group=_ATTACH,
-        kind=SWITCH,
-        text="publish the scene there, too, for RViz: /sim/scene/map and /sim/scene/objects",
+    scene: bool = _ATTACH.switch("publish the scene there, too, for RViz: /sim/scene/map and /sim/scene/objects")
+    strict_release: bool = _ATTACH.switch(
+        "stop with exit code 2 if morai_msgs there has other fields than --release, not only log it"
     )
-    strict_release: bool = flag(
-        default=False,
-        group=_ATTACH,
-        kind=SWITCH,
-        text="stop with exit code 2 if morai_msgs there has other fields than --release, not only log it",
-    )
-    attach_retry: float = flag(
-        10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
+    attach_retry: float = _ATTACH.flag(
+        10.0, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
     )
 
-    ros2_domain: int | None = flag(
+    ros2_domain: int | None = _ROS2.flag(
         None,
-        _ROS2,
         or_none(whole_number(0, 232), "none"),
         "join this domain of ROS 2 (ROS_DOMAIN_ID) as a node, without an installation of ROS; needs the extra"
         " rosbridge-sim[ros2]",
     )
-    ros2_distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = flag(
-        "jazzy",
-        _ROS2,
-        choice_of("humble", "iron", "jazzy", "kilted", "rolling"),
-        "distribution of the other nodes; humble tells names of nodes in another form",
+    ros2_distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = _ROS2.choice(
+        "jazzy", "distribution of the other nodes; humble tells names of nodes in another form"
     )
-    ros2_namespace: str = flag(
-        "",
-        _ROS2,
-        NAMESPACE,
-        "namespace of the node and of all its topics, such as /sim1; none by default",
+    ros2_namespace: str = _ROS2.flag(
+        "", NAMESPACE, "namespace of the node and of all its topics, such as /sim1; none by default"
     )
-    ros2_topics: tuple[str, ...] = flag(
+    ros2_topics: tuple[str, ...] = _ROS2.flag(
         (),
-        _ROS2,
         PATTERNS,
         "topics that pass between ROS 2 and this server, such as /tf*; without it all that clients may use; repeatable",
     )
-    ros2_discovery: Literal["localhost", "multicast"] = flag(
+    ros2_discovery: Literal["localhost", "multicast"] = _ROS2.choice(
         "localhost",
-        _ROS2,
-        choice_of("localhost", "multicast"),
         "where nodes are looked for: on this machine alone, so that no packet leaves it, or in the whole network",
     )
-    ros2_qos: tuple[str, ...] = flag(
+    ros2_qos: tuple[str, ...] = _ROS2.flag(
         (),
-        _ROS2,
         QUALITIES,
-        "quality of service of this server's publishers whose topics match the pattern, such as"
-        " '/imu=sensor_data'; the first that matches; default is reliable and 10 messages, transient_local for"
-        " latched topics; repeatable",
+        "quality of service of this server's publishers whose topics match the pattern, such as '/imu=sensor_data';"
+        " the first that matches; default is reliable and 10 messages, transient_local for latched topics; repeatable",
     )
-    ros2_wait_for_command: bool = flag(
-        default=False,
-        group=_ROS2,
-        kind=SWITCH,
-        text="lock step in real time: each frame waits for a command with the header.stamp of its /clock or, without a"
+    ros2_wait_for_command: bool = _ROS2.switch(
+        "lock step in real time: each frame waits for a command with the header.stamp of its /clock or, without a"
         " header, for one that came after its topics",
     )
-    ros2_command_deadline: float = flag(
-        1.0,
-        _ROS2,
-        period(0.01, 3_600.0),
-        "longest wait for that command; then the last one holds",
+    ros2_command_deadline: float = _ROS2.flag(
+        1.0, period(0.01, 3_600.0), "longest wait for that command; then the last one holds"
     )
-    ros2_without_token: bool = flag(
-        default=False,
-        group=_ROS2,
-        kind=SWITCH,
-        text="allow --ros2-domain beside --token: DDS asks nobody for a token",
-    )
+    ros2_without_token: bool = _ROS2.switch("allow --ros2-domain beside --token: DDS asks nobody for a token")
 
-    token: str | None = flag(
+    token: str | None = _ACCESS.flag(
         None,
-        _ACCESS,
         SECRET,
         "token required from clients; set it in the environment or in the settings file to keep it out of the list of"
         " processes",
     )
-    allow_origin: tuple[str, ...] = flag(
+    allow_origin: tuple[str, ...] = _ACCESS.flag(
         (),
-        _ACCESS,
         ORIGINS,
         "web pages that may connect, in addition to those of localhost and of the server's own address, such as"
         " https://*.example.org; repeatable",
     )
-    allow_host: tuple[str, ...] = flag(
+    allow_host: tuple[str, ...] = _ACCESS.flag(
         (),
-        _ACCESS,
         HOSTS,
-        "host names by which web pages may address the server, and by which /metrics, /map.json, /log.json and /version"
-        " are told without a token, in addition to localhost, IP addresses and its own name; repeatable",
+        "host names by which web pages may address the server, and by which /metrics, /map.json, /log.json and"
+        " /version are told without a token, in addition to localhost, IP addresses and its own name; repeatable",
     )
-    allow_publish: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "topics that clients may publish, such as /a/*; without it all; repeatable"
+    allow_publish: tuple[str, ...] = _ACCESS.flag(
+        (), PATTERNS, "topics that clients may publish, such as /a/*; without it all; repeatable"
     )
-    deny_publish: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "topics that clients may not publish, even if --allow-publish has them; repeatable"
+    deny_publish: tuple[str, ...] = _ACCESS.flag(
+        (), PATTERNS, "topics that clients may not publish, even if --allow-publish has them; repeatable"
     )
-    allow_subscribe: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "topics that clients may subscribe to; without it all; repeatable"
+    allow_subscribe: tuple[str, ...] = _ACCESS.flag(
+        (), PATTERNS, "topics that clients may subscribe to; without it all; repeatable"
     )
-    deny_subscribe: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "topics that clients may not subscribe to; repeatable"
-    )
-    allow_service: tuple[str, ...] = flag(
+    deny_subscribe: tuple[str, ...] = _ACCESS.flag((), PATTERNS, "topics that clients may not subscribe to; repeatable")
+    allow_service: tuple[str, ...] = _ACCESS.flag(
         (),
-        _ACCESS,
         PATTERNS,
         "services and actions that clients may call and offer; without it all; /rosapi/* is always allowed; repeatable",
     )
-    deny_service: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "services and actions that clients may neither call nor offer; repeatable"
+    deny_service: tuple[str, ...] = _ACCESS.flag(
+        (), PATTERNS, "services and actions that clients may neither call nor offer; repeatable"
     )
-    allow_param: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "parameters that clients may read and write; without it all; repeatable"
+    allow_param: tuple[str, ...] = _ACCESS.flag(
+        (), PATTERNS, "parameters that clients may read and write; without it all; repeatable"
     )
-    deny_param: tuple[str, ...] = flag(
-        (), _ACCESS, PATTERNS, "parameters that clients may neither read nor write; repeatable"
+    deny_param: tuple[str, ...] = _ACCESS.flag(
+        (), PATTERNS, "parameters that clients may neither read nor write; repeatable"
     )
-    max_clients: int | None = flag(1_000, _ACCESS, or_none(whole_number(1, 1_000_000), "none"), "most clients at once")
-    max_strangers: int = flag(
+    max_clients: int | None = _ACCESS.flag(1_000, or_none(whole_number(1, 1_000_000), "none"), "most clients at once")
+    max_strangers: int = _ACCESS.flag(
         100,
-        _ACCESS,
         whole_number(1, 100_000),
         "most connections at once that have not shown the token yet; the oldest one is closed for a new one",
     )
-    max_rate: int | None = flag(
-        None,
-        _ACCESS,
-        or_none(whole_number(1, 1_000_000), "none"),
-        "most frames a second from one client, after a burst",
+    max_rate: int | None = _ACCESS.flag(
+        None, or_none(whole_number(1, 1_000_000), "none"), "most frames a second from one client, after a burst"
     )
-    max_held: int = flag(
-        10_000, _ACCESS, whole_number(1, 1_000_000), "most subscriptions, advertisements and services of one client"
+    max_held: int = _ACCESS.flag(
+        10_000, whole_number(1, 1_000_000), "most subscriptions, advertisements and services of one client"
     )
-    max_calls: int = flag(1_000, _ACCESS, whole_number(1, 1_000_000), "most calls and goals of one client in flight")
+    max_calls: int = _ACCESS.flag(1_000, whole_number(1, 1_000_000), "most calls and goals of one client in flight")
 
-    world: bool = flag(
-        default=True,
-        group=_WORLD,
-        kind=SWITCH,
-        text="run the simulator; with --no-world this is a rosbridge server alone",
+    world: bool = _WORLD.switch("run the simulator; with --no-world this is a rosbridge server alone", on=True)
+    scenario: str = _WORLD.flag(
+        "demo", text_of("a scenario's name or file", "NAME|FILE"), "scenario that is loaded at the start"
     )
-    scenario: str = flag(
-        "demo", _WORLD, text_of("a scenario's name or file", "NAME|FILE"), "scenario that is loaded at the start"
-    )
-    map: str | None = flag(
+    map: str | None = _WORLD.flag(
         None,
-        _WORLD,
         or_none(text_of("a map's name or folder", "NAME|DIR"), "none"),
         "map that replaces the map of every scenario",
     )
-    scenario_path: tuple[str, ...] = flag(
-        (), _WORLD, FOLDERS, "folder with scenarios that clients may load; repeatable"
-    )
-    catalogue: str | None = flag(
+    scenario_path: tuple[str, ...] = _WORLD.flag((), FOLDERS, "folder with scenarios that clients may load; repeatable")
+    catalogue: str | None = _WORLD.flag(
         None,
-        _WORLD,
         FILE,
-        "your table of models, *.toml or *.csv, searched before the built-in one; columns: DataID, name, class, length,"
-        " width, height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]",
+        "your table of models, *.toml or *.csv, searched before the built-in one; columns: DataID, name, class,"
+        " length, width, height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]",
     )
-    data_dir: str = flag(
+    data_dir: str = _WORLD.flag(
         "SaveFile",
-        _WORLD,
         FOLDER_TYPE,
         "folder of saved sensor data, network settings and recordings to replay; created when it is needed",
     )
-    data_quota: int | None = flag(
+    data_quota: int | None = _WORLD.flag(
         10 * _GIB,
-        _WORLD,
         or_none(size(1024, 2**20 * _GIB), "none"),
         "most bytes in --data-dir; a client's request to save beyond that is refused",
     )
-    data_quota_files: int | None = flag(
+    data_quota_files: int | None = _WORLD.flag(
         200_000,
-        _WORLD,
         or_none(whole_number(1, 1_000_000_000), "none"),
         "most files and folders in --data-dir, in the same way",
     )
-    start: Literal["run", "sync"] = flag(
-        "run",
-        _WORLD,
-        choice_of("run", "sync"),
-        "at the start, run in real time, or stand at frame 0 until a client starts synchronous mode",
+    start: Literal["run", "sync"] = _WORLD.choice(
+        "run", "at the start, run in real time, or stand at frame 0 until a client starts synchronous mode"
     )
-    real_time_factor: float = flag(
+    real_time_factor: float = _WORLD.flag(
         1.0,
-        _WORLD,
         factor(0.1, 20.0),
         "simulated seconds in a second while real time moves the world; 0 is as fast as possible",
     )
-    seed: int = flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
-    dynamics: Literal["single-track", "kinematic"] = flag(
+    seed: int = _WORLD.flag(0, whole_number(0, 2**32 - 1), "random seed of the simulation")
+    dynamics: Literal["single-track", "kinematic"] = _WORLD.choice(
         "single-track",
-        _WORLD,
-        choice_of("single-track", "kinematic"),
         "model of the egos: tyres that slip, lags of the pedals and a body that leans, or wheels that roll where they"
         " point",
     )
-    creep: bool = flag(
-        default=False,
-        group=_WORLD,
-        kind=SWITCH,
-        text="without pedals, egos creep in D and R and roll on slopes; only with --dynamics single-track",
+    creep: bool = _WORLD.switch(
+        "without pedals, egos creep in D and R and roll on slopes; only with --dynamics single-track"
     )
-    stability_control: bool = flag(
-        default=True,
-        group=_WORLD,
-        kind=SWITCH,
-        text="egos keep grip for the bend while they brake, and are braked against a spin; only with --dynamics"
+    stability_control: bool = _WORLD.switch(
+        "egos keep grip for the bend while they brake, and are braked against a spin; only with --dynamics"
         " single-track",
+        on=True,
     )
-    on_collision: Literal["report", "impact"] = flag(
+    on_collision: Literal["report", "impact"] = _WORLD.choice(
         "report",
-        _WORLD,
-        choice_of("report", "impact"),
         "report collisions without an effect on motion, or change the motion of egos and of vehicles on lanes, too",
     )
-    sensor_noise: str = flag(
+    sensor_noise: str = _WORLD.flag(
         "none",
-        _WORLD,
         text_of("none, typical or a file", "none|typical|FILE"),
         "errors of the sensors: none, those of usual units, or those of a *.json file",
     )
-    sensors: str = flag(
+    sensors: str = _WORLD.flag(
         "none",
-        _WORLD,
         text_of("none, camera, lidar, teaching, lane-detection, calibration, fisheye, all or a file", "NAME|FILE"),
-        "cameras, lidars and radars of each ego: none, camera, lidar, teaching, lane-detection, calibration,"
-        " fisheye, all, a *.toml file, or a *.json file of MORAI's SaveFile/Sensor;"
-        " all but radars need the extra rosbridge-sim[sensors]",
+        "cameras, lidars and radars of each ego: none, camera, lidar, teaching, lane-detection, calibration, fisheye,"
+        " all, a *.toml file, or a *.json file of MORAI's SaveFile/Sensor; all but radars need the extra"
+        " rosbridge-sim[sensors]",
     )
-    weather: Literal["noon", "dusk", "night", "rain", "fog"] = flag(
-        "noon",
-        _WORLD,
-        choice_of("noon", "dusk", "night", "rain", "fog"),
-        "light and air of what cameras see; rain and fog take echoes of lidars, too",
+    weather: Literal["noon", "dusk", "night", "rain", "fog"] = _WORLD.choice(
+        "noon", "light and air of what cameras see; rain and fog take echoes of lidars, too"
     )
-    rain_friction: float = flag(
+    rain_friction: float = _WORLD.flag(
         0.0,
-        _WORLD,
         factor(0.1, 1.0),
         "friction of the ground in the weather rain, relative to a dry one: 0.7 is wet asphalt; 0: rain changes none;"
         " only with --dynamics single-track",
     )
-    dressing: bool = flag(
-        default=True,
-        group=_WORLD,
-        kind=SWITCH,
-        text="cameras and lidars see buildings, trees and posts beside the roads; off: roads and lights alone",
+    dressing: bool = _WORLD.switch(
+        "cameras and lidars see buildings, trees and posts beside the roads; off: roads and lights alone", on=True
     )
-    traffic: int = flag(
+    traffic: int = _WORLD.flag(
         0,
-        _WORLD,
         whole_number(0, 10_000),
         "vehicles that drive on the lanes besides those of the scenario: as many as fit, and kept there",
     )
-    traffic_wander: bool = flag(
-        default=True,
-        group=_WORLD,
-        kind=SWITCH,
-        text="vehicles of --traffic wander a little within their lane, as drivers do; off: they keep to its line",
+    traffic_wander: bool = _WORLD.switch(
+        "vehicles of --traffic wander a little within their lane, as drivers do; off: they keep to its line", on=True
     )
-    turn_shares: str | None = flag(
+    turn_shares: str | None = _WORLD.flag(
         None,
-        _WORLD,
         or_none(shares("LEFT,STRAIGHT,RIGHT"), "none"),
         "how often drivers without a route turn, for example 1,2,1 for half of them straight on; none: all lanes that"
         " follow are equally likely",
     )
-    score: bool = flag(
-        default=False,
-        group=_WORLD,
-        kind=SWITCH,
-        text="keep scores of the egos from frame 0 on, not only after the first request for /sim/score",
+    score: bool = _WORLD.switch(
+        "keep scores of the egos from frame 0 on, not only after the first request for /sim/score"
     )
-    on_world_failure: Literal["exit", "serve"] = flag(
+    on_world_failure: Literal["exit", "serve"] = _WORLD.choice(
         "exit",
-        _WORLD,
-        choice_of("exit", "serve"),
         "after an internal error in a step of the world, end with code 1, or go on serving clients without the world",
     )
 
-    publishers: Mapping[str, InterfaceChoice] = flag(
+    publishers: Mapping[str, "InterfaceChoice"] = _NETWORK.flag(
         cast("Mapping[str, InterfaceChoice]", {}),
-        _NETWORK,
         item_choices("publishers"),
         "topics that the simulator publishes: name, rate [Hz, at most 120], on or off",
     )
-    subscribers: Mapping[str, InterfaceChoice] = flag(
+    subscribers: Mapping[str, "InterfaceChoice"] = _NETWORK.flag(
         cast("Mapping[str, InterfaceChoice]", {}),
-        _NETWORK,
         item_choices("subscribers"),
         "topics that the simulator subscribes to: name, on or off",
     )
-    services: Mapping[str, InterfaceChoice] = flag(
+    services: Mapping[str, "InterfaceChoice"] = _NETWORK.flag(
         cast("Mapping[str, InterfaceChoice]", {}),
-        _NETWORK,
         item_choices("services"),
         "services that the simulator offers: name, on or off",
     )
 
-    replay_info: bool = flag(
-        default=False,
-        group=_NETWORK,
-        kind=SWITCH,
-        text="publish /ReplayInfo_topic to bridges and --record, too; clients that subscribe always get it",
+    replay_info: bool = _NETWORK.switch(
+        "publish /ReplayInfo_topic to bridges and --record, too; clients that subscribe always get it"
     )
-    standard_topics: bool = flag(
-        default=False,
-        group=_NETWORK,
-        kind=SWITCH,
-        text="publish /odom, /fix and /robot_description and take /cmd_vel and /ackermann_cmd, for programs without"
+    standard_topics: bool = _NETWORK.switch(
+        "publish /odom, /fix and /robot_description and take /cmd_vel and /ackermann_cmd, for programs without"
         " morai_msgs; always with --ros2-domain",
     )
-    tf_frames: Literal["map", "map-odom", "odom"] = flag(
+    tf_frames: Literal["map", "map-odom", "odom"] = _NETWORK.choice(
         "map",
-        _NETWORK,
-        choice_of("map", "map-odom", "odom"),
         "frames above base_link on /tf, from the one without a parent: map; map-odom as in REP 105, for Nav2; odom if"
         " your own localization publishes map to odom. /odom has the pose in the frame just above base_link",
     )
-    cmd_vel: Literal["Twist", "TwistStamped"] = flag(
+    cmd_vel: Literal["Twist", "TwistStamped"] = _NETWORK.choice(
         "Twist",
-        _NETWORK,
-        choice_of("Twist", "TwistStamped"),
         "type of /cmd_vel in geometry_msgs; TwistStamped for Nav2 with enable_stamped_cmd_vel, as it is since Kilted",
     )
 
-    release: Literal["22.R2", "26.R1"] = flag(
-        "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message definitions are used"
+    release: Literal["22.R2", "26.R1"] = _FACE.choice("22.R2", "MORAI SIM release whose message definitions are used")
+    profile: Literal["manual", "field"] = _FACE.choice(
+        "manual", "convention to follow where MORAI's manual and existing client code disagree"
     )
-    profile: Literal["manual", "field"] = flag(
-        "manual",
-        _FACE,
-        choice_of("manual", "field"),
-        "convention to follow where MORAI's manual and existing client code disagree",
+    wheel_angle_unit: Literal["rad", "deg"] | None = _FACE.choice(None, "unit of the ego's wheel_angle", none="profile")
+    object_size_order: Literal["width-length-height", "length-width-height"] | None = _FACE.choice(
+        None, "meaning of x, y, z of an object's size", none="profile"
     )
-    wheel_angle_unit: Literal["rad", "deg"] | None = flag(
-        None, _FACE, or_none(choice_of("rad", "deg"), "profile"), "unit of the ego's wheel_angle"
-    )
-    object_size_order: Literal["width-length-height", "length-width-height"] | None = flag(
+    object_limit: int | None = _FACE.flag(
         None,
-        _FACE,
-        or_none(choice_of("width-length-height", "length-width-height"), "profile"),
-        "meaning of x, y, z of an object's size",
-    )
-    object_limit: int | None = flag(
-        None,
-        _FACE,
         or_none(whole_number(0, 1_000_000), "profile"),
         "most objects that are published, the nearest ones; 0 is all",
     )
-    object_range: float | None = flag(
-        None,
-        _FACE,
-        metres(1_000_000),
-        "only objects within this distance of the ego are published; none or 0 is all",
+    object_range: float | None = _FACE.flag(
+        None, metres(1_000_000), "only objects within this distance of the ego are published; none or 0 is all"
     )
-    object_velocity_unit: Literal["km/h", "m/s"] | None = flag(
-        None, _FACE, or_none(choice_of("km/h", "m/s"), "profile"), "unit of objects' velocity"
+    object_velocity_unit: Literal["km/h", "m/s"] | None = _FACE.choice(
+        None, "unit of objects' velocity", none="profile"
     )
-    stamps: Literal["sim", "wall", "auto"] | None = flag(
+    stamps: Literal["sim", "wall", "auto"] | None = _FACE.choice(
         None,
-        _FACE,
-        or_none(choice_of("sim", "wall", "auto"), "default"),
         "time in headers, /clock and tf: simulated time, time of day, or (auto) as /use_sim_time of the first bridge"
         " says; the default is sim for serve and auto for attach",
+        none="default",
     )
-    start_mode: Literal["external", "keyboard"] = flag(
-        "external",
-        _FACE,
-        choice_of("external", "keyboard"),
-        "control mode of the ego at the start; with external, /ctrl_cmd moves it",
+    start_mode: Literal["external", "keyboard"] = _FACE.choice(
+        "external", "control mode of the ego at the start; with external, /ctrl_cmd moves it"
     )
 
-    sync_frames: Literal["lenient", "strict"] = flag(
-        "lenient", _SYNC, choice_of("lenient", "strict"), "frames that a tick may name: any, or only the next one"
+    sync_frames: Literal["lenient", "strict"] = _SYNC.choice(
+        "lenient", "frames that a tick may name: any, or only the next one"
     )
-    sync_lease: float | None = flag(
+    sync_lease: float | None = _SYNC.flag(
         None,
-        _SYNC,
         seconds(_DAY),
         "seconds without a call after which the master is considered lost; a closed connection always is",
     )
-    sync_on_loss: Literal["run", "pause", "wait"] = flag(
-        "run",
-        _SYNC,
-        choice_of("run", "pause", "wait"),
-        "after the master is lost, run in real time, pause, or wait for a new master",
+    sync_on_loss: Literal["run", "pause", "wait"] = _SYNC.choice(
+        "run", "after the master is lost, run in real time, pause, or wait for a new master"
     )
-    anyone_may_stop: bool = flag(
-        default=False, group=_SYNC, kind=SWITCH, text="let any client stop synchronous mode, not only its master"
-    )
+    anyone_may_stop: bool = _SYNC.switch("let any client stop synchronous mode, not only its master")
 
     ros: Literal[1, 2] = cast(
         "Literal[1, 2]",
-        flag(
-            1,
-            _TYPES,
-            whole_number(1, 2, "1|2"),
-            "ROS generation of type names, times and serialised bytes",
-        ),
+        _TYPES.flag(1, whole_number(1, 2, "1|2"), "ROS generation of type names, times and serialised bytes"),
     )
-    schema_path: tuple[str, ...] = flag(
-        (), _TYPES, FOLDERS, "folder with ROS packages (PACKAGE/msg/*.msg) to read; repeatable"
+    schema_path: tuple[str, ...] = _TYPES.flag(
+        (), FOLDERS, "folder with ROS packages (PACKAGE/msg/*.msg) to read; repeatable"
     )
-    strict_types: bool = flag(
-        default=False,
-        group=_TYPES,
-        kind=SWITCH,
-        text="refuse types of unknown packages; otherwise their messages are relayed unchecked",
+    strict_types: bool = _TYPES.switch(
+        "refuse types of unknown packages; otherwise their messages are relayed unchecked"
     )
 
-    service_timeout: float | None = flag(
-        None, _WIRE, seconds(_DAY), "longest wait for the answer of a client's service, for calls that name no timeout"
+    service_timeout: float | None = _WIRE.flag(
+        None, seconds(_DAY), "longest wait for the answer of a client's service, for calls that name no timeout"
     )
-    max_frame_size: int = flag(
-        16 * 2**20, _WIRE, size(1024, _GIB), "longest frame; a longer one closes the connection (code 1009)"
+    max_frame_size: int = _WIRE.flag(
+        16 * 2**20, size(1024, _GIB), "longest frame; a longer one closes the connection (code 1009)"
     )
-    outbox_burst: int = flag(
+    outbox_burst: int = _WIRE.flag(
         100,
-        _WIRE,
         whole_number(1, 1_000_000),
         "messages of each topic kept for a client that reads too slowly, the newest ones",
     )
-    outbox_size: int = flag(
-        4 * 2**20,
-        _WIRE,
-        size(1024, 4 * _GIB),
-        "bytes that may wait for a client before its oldest topic messages are dropped",
+    outbox_size: int = _WIRE.flag(
+        4 * 2**20, size(1024, 4 * _GIB), "bytes that may wait for a client before its oldest topic messages are dropped"
     )
-    outbox_limit: int = flag(
-        64 * 2**20, _WIRE, size(1024, 16 * _GIB), "bytes that may wait for a client before it is closed (code 1008)"
+    outbox_limit: int = _WIRE.flag(
+        64 * 2**20, size(1024, 16 * _GIB), "bytes that may wait for a client before it is closed (code 1008)"
     )
-    client_memory: int = flag(
+    client_memory: int = _WIRE.flag(
         256 * 2**20,
-        _WIRE,
         size(2**20, 64 * _GIB),
         "most memory held for one client: throttle queues, latched messages, calls in flight, parts of frames",
     )
-    memory_budget: int | None = flag(
+    memory_budget: int | None = _WIRE.flag(
         None,
-        _WIRE,
         or_none(size(2**20, 1024 * _GIB), "auto"),
-        "most memory held for all clients together; beyond it the client that holds most is closed; auto is half of the"
-        " memory of the machine or container",
+        "most memory held for all clients together; beyond it the client that holds most is closed; auto is half of"
+        " the memory of the machine or container",
     )
-    ping_interval: float | None = flag(20.0, _WIRE, seconds(_DAY), "seconds between two pings")
-    ping_timeout: float | None = flag(
-        20.0, _WIRE, seconds(_DAY), "seconds after which an unanswered ping closes the connection"
+    ping_interval: float | None = _WIRE.flag(20.0, seconds(_DAY), "seconds between two pings")
+    ping_timeout: float | None = _WIRE.flag(
+        20.0, seconds(_DAY), "seconds after which an unanswered ping closes the connection"
     )
-    compression: bool = flag(
-        default=False, group=_WIRE, kind=SWITCH, text="compress messages (permessage-deflate) for clients that offer it"
-    )
-    status: bool = flag(default=True, group=_WIRE, kind=SWITCH, text="send status frames to clients")
+    compression: bool = _WIRE.switch("compress messages (permessage-deflate) for clients that offer it")
+    status: bool = _WIRE.switch("send status frames to clients", on=True)
 
-    record: str | None = flag(
-        None,
-        _RECORD,
-        FILE,
-        "record into this bag: NAME.bag is ROS 1, NAME.mcap ROS 2, any other name a folder of ROS 2",
+    record: str | None = _RECORD.flag(
+        None, FILE, "record into this bag: NAME.bag is ROS 1, NAME.mcap ROS 2, any other name a folder of ROS 2"
     )
-    record_topics: tuple[str, ...] = flag(
+    record_topics: tuple[str, ...] = _RECORD.flag(
         (),
-        _RECORD,
         PATTERNS,
         "topics to record, such as /a/*; without it those of the simulator, its commands included; repeatable",
     )
 
-    log_level: Literal["debug", "info", "warning", "error"] = flag(
-        "info", _LOG, choice_of("debug", "info", "warning", "error"), "lowest level of log lines on stderr"
+    log_level: Literal["debug", "info", "warning", "error"] = _LOG.choice("info", "lowest level of log lines on stderr")
+    log_format: Literal["text", "json"] = _LOG.choice(
+        "text", "lines for people, or one JSON object a line with the date in UTC"
     )
-    log_format: Literal["text", "json"] = flag(
-        "text", _LOG, choice_of("text", "json"), "lines for people, or one JSON object a line with the date in UTC"
-    )
-    quiet_clients: bool = flag(default=False, group=_LOG, kind=SWITCH, text="leave mistakes of clients out of the log")
-    config: str | None = flag(
+    quiet_clients: bool = _LOG.switch("leave mistakes of clients out of the log")
+    config: str | None = _LOG.flag(
         None,
-        _LOG,
         text_of("a TOML file", "FILE.toml"),
         "settings file; keys are the names of flags, paths are relative to its folder",
     )

@@ -12,7 +12,7 @@ import orjson
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.shell.config.flag_table import SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.keys import add_value, keys, read_switchable, tables
 from rosbridge_sim.shell.config.toml_text import Lines, lines_of, place_of, read_text, read_toml
 from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS
@@ -159,9 +159,9 @@ def _read_table(
 
 def _beside(key: str, value: object, folder: Path) -> object:
     """Return a value with its paths relative to `folder`, so that the server's working directory does not matter."""
-    if flag_of(key).kind is FOLDERS and isinstance(value, tuple):
+    if FLAGS[key].kind is FOLDERS and isinstance(value, tuple):
         return tuple(str(folder / one) for one in value)
-    if flag_of(key).kind in (FILE, FOLDER_TYPE) and isinstance(value, str):
+    if FLAGS[key].kind in (FILE, FOLDER_TYPE) and isinstance(value, str):
         return str(folder / value)
     if key in {"scenario", "map", "sensor_noise", "sensors"} and isinstance(value, str) and looks_like_path(value):
         return str(folder / value)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.link.urls import shown_url
-from rosbridge_sim.shell.config.flag_table import FIELDS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS
 from rosbridge_sim.shell.config.keys import tables, variable
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import FOLDERS, SECRET, SWITCH, URLS, show_size
@@ -26,7 +26,7 @@ def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
     lines: list[str] = []
     group = ""
     for key, field in FIELDS.items():
-        flag = flag_of(key)
+        flag = FLAGS[key]
         value = getattr(settings, field.name)
         if key == "config" or flag.kind.is_table:
             continue
@@ -45,7 +45,7 @@ def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
             shown = bare
         lines.append(f"{key} = {_toml(none if shown is None else shown)}")
     for key in tables():
-        lines += ["", f"# {flag_of(key).text}", f"[{key}]", *_entries(key, settings, items)]
+        lines += ["", f"# {FLAGS[key].text}", f"[{key}]", *_entries(key, settings, items)]
     return "\n".join([*lines[1:], ""])
 
 

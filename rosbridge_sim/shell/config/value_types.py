@@ -29,6 +29,7 @@ class ValueType:
         sign: placeholder for the value in `--help`.
         separator: separates several values in the environment; the flag may then be repeated. Empty for a single value.
         is_table: it is a table of the file, too large for a flag or a variable.
+        accepts: type of the values from Python; empty for that of the setting.
     """
 
     expects: str
@@ -36,6 +37,7 @@ class ValueType:
     sign: str
     separator: str = ""
     is_table: bool = False
+    accepts: str = ""
 
 
 def text_of(expects: str, sign: str) -> ValueType:
@@ -53,7 +55,7 @@ def text_of(expects: str, sign: str) -> ValueType:
             raise ValueError
         return value
 
-    return ValueType(expects, read, sign)
+    return ValueType(expects, read, sign, accepts="str | Path")
 
 
 def choice_of(*words: str) -> ValueType:
@@ -194,7 +196,12 @@ def shares(sign: str) -> ValueType:
             raise ValueError
         return ",".join(f"{number:.12g}" for number in numbers)
 
-    return ValueType(f"{num} numbers up to {MAX_SHARE:,.0f} with commas between them, not all 0", read, sign)
+    return ValueType(
+        f"{num} numbers up to {MAX_SHARE:,.0f} with commas between them, not all 0",
+        read,
+        sign,
+        accepts="Sequence[float] | str",
+    )
 
 
 def or_none(kind: ValueType, word: str) -> ValueType:
@@ -207,7 +214,8 @@ def or_none(kind: ValueType, word: str) -> ValueType:
     def read(value: object) -> object:
         return None if value is None or _is_word(value, word) else kind.read(value)
 
-    return ValueType(f"{kind.expects}, or {word}", read, f"{kind.sign}|{word}")
+    accepts = kind.accepts and f"{kind.accepts} | None"
+    return ValueType(f"{kind.expects}, or {word}", read, f"{kind.sign}|{word}", accepts=accepts)
 
 
 def _is_word(value: object, *words: str) -> bool:
@@ -235,7 +243,9 @@ def size(low: int, high: int) -> ValueType:
             raise ValueError
         return size
 
-    return ValueType(f"a size from {show_size(low)} to {show_size(high)}, such as 16MiB", read, "SIZE")
+    return ValueType(
+        f"a size from {show_size(low)} to {show_size(high)}, such as 16MiB", read, "SIZE", accepts="int | str"
+    )
 
 
 def _size_of(text: str) -> int:
@@ -268,7 +278,7 @@ def _read_folders(value: object) -> tuple[str, ...]:
     return folders
 
 
-FOLDERS = ValueType("folders", _read_folders, "DIR", os.pathsep)
+FOLDERS = ValueType("folders", _read_folders, "DIR", os.pathsep, accepts="Sequence[str | Path] | str | Path")
 
 
 def _read_patterns(value: object) -> tuple[str, ...]:
@@ -370,7 +380,10 @@ def _read_rates(value: object) -> dict[str, float]:
 _MAX_RATE = 120
 """Largest rate in MORAI's own panel [Hz]."""
 
-RATES = ValueType(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ", ",")
+_RATES = "Mapping[str, float] | Sequence[str] | str"
+RATES = ValueType(
+    f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ", ",", accepts=_RATES
+)
 
 
 def item_choices(name: str) -> ValueType:
@@ -382,4 +395,4 @@ def item_choices(name: str) -> ValueType:
 
         return read_choices(InterfaceKind(name), value)
 
-    return ValueType(f"a table of {name}", read, "", is_table=True)
+    return ValueType(f"a table of {name}", read, "", is_table=True, accepts="Mapping[str, object]")

@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.shell.assembly import mistakes_of_items
-from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.loading import check_options, read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.settings_file import looks_like_path, read_network
@@ -140,7 +140,7 @@ def as_words(key: str, value: object) -> list[str]:
 
 def as_variable(key: str, value: object) -> str:
     if isinstance(value, tuple):
-        return flag_of(key).kind.separator.join(value)
+        return FLAGS[key].kind.separator.join(value)
     return "none" if value is None else str(value)
 
 
@@ -178,7 +178,7 @@ def test_every_setting_has_a_flag_a_variable_a_key_and_an_option(name: str, tmp_
     wanted = check_options({name: value, **quiet})
     assert getattr(wanted, name) == value
 
-    if not flag_of(key).kind.is_table:  # too much for a flag or a variable
+    if not FLAGS[key].kind.is_table:  # too much for a flag or a variable
         words = as_words(key, value) + (["--outbox-size", "1KiB"] if quiet else [])
         assert read_settings(words, {}) == wanted
 
@@ -188,7 +188,7 @@ def test_every_setting_has_a_flag_a_variable_a_key_and_an_option(name: str, tmp_
     file = tmp_path / "s.toml"
     file.write_text(format_config(wanted, []))
     from_file = read_settings(["--config", str(file)], {})
-    kind = flag_of(key).kind
+    kind = FLAGS[key].kind
     if kind in (FOLDERS, FOLDER_TYPE, FILE):  # paths are taken from the file's folder
         paths = value if isinstance(value, tuple) else (value,)
         beside = tuple(str(tmp_path / str(path)) for path in paths)
@@ -214,7 +214,7 @@ def test_list_comes_from_one_source_only() -> None:
     assert read_settings(["--schema-path", "a"], {"ROSBRIDGE_SIM_SCHEMA_PATH": "b"}).schema_path == ("a",)
 
 
-@pytest.mark.parametrize("key", [key for key in FIELDS if flag_of(key).kind is SWITCH])
+@pytest.mark.parametrize("key", [key for key in FIELDS if FLAGS[key].kind is SWITCH])
 def test_no_form_turns_a_switch_off_in_every_source(key: str, tmp_path: Path) -> None:
     name = FIELDS[key].name
     file = tmp_path / "s.toml"
@@ -404,7 +404,7 @@ def test_help_shows_unit_variable_and_key_of_every_flag(capsys: pytest.CaptureFi
     text = capsys.readouterr().out
     for key in [*FIELDS, *SHORT_FORMS]:
         assert f"--{key}" in text or f"[{key}]" in text
-        assert flag_of(key).group in text
+        assert FLAGS[key].group in text
     assert "SECONDS" in text
     assert "ROSBRIDGE_SIM_SYNC_LEASE" in text
     assert "SUPPRESS" not in text

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.shell.config.flag_table import FIELDS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 
 
 def read(key: str, value: object) -> object:
-    return flag_of(key).kind.read(value)
+    return FLAGS[key].kind.read(value)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_every_default_passes_its_own_check(key: str) -> None:
 
 @pytest.mark.parametrize("key", FIELDS)
 def test_every_setting_has_a_help_text_and_a_value_description(key: str) -> None:
-    flag = flag_of(key)
+    flag = FLAGS[key]
     assert flag.group
     assert flag.text
     assert flag.kind.expects
