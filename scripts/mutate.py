@@ -79,7 +79,9 @@ TESTS = {
     "world/followers": f"{_WORLD} {_DRIVES}",
     "world/people": f"{_WORLD} {_DRIVES}",
     "world/vehicle": f"{_WORLD} {_DRIVES}",
+    "simulator/sensors": "simulator/sensors",
     "campaigns": "campaigns",
+    "worlds": "worlds environments/test_remote_env.py",
 }
 """The central files and folders, with the tests that should notice their mutants."""
 

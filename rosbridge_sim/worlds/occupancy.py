@@ -52,13 +52,12 @@ def find_grids(part: Part, size: float, step: float) -> FloatArray:
     ahead, left = (axis.ravel() for axis in np.meshgrid(middles, middles, indexing="ij"))
     found = np.zeros((len(rows), len(GRID_FIGURES), num * num))
     others = find_others(part, MAX_SEEN)
-    for i in range(int(others[..., 0].sum(axis=1).max(initial=0.0)) - 1, -1, -1):  # the nearest one last
+    for i in reversed(range(int(others[..., 0].sum(axis=1).max(initial=0.0)))):  # the nearest one last
         is_there, x, y, vx, vy, cos, sin, length, width = (figure[:, None] for figure in others[:, i].T)
         east, north = ahead - x, left - y
         along, across = np.abs(east * cos + north * sin), np.abs(north * cos - east * sin)
         is_in = (along <= 0.5 * length) & (across <= 0.5 * width)
         is_in |= (np.abs(east) <= 0.5 * step) & (np.abs(north) <= 0.5 * step)
-        is_in &= is_there > 0.0
         for j, figure in enumerate((is_there, vx, vy)):
             found[:, j] = np.where(is_in, figure, found[:, j])
     cos, sin = np.cos(columns.yaw[rows])[:, None], np.sin(columns.yaw[rows])[:, None]

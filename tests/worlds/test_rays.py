@@ -7,12 +7,12 @@ import pytest
 
 from rosbridge_sim import Worlds
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.vehicle.ground import are_on_road
+from rosbridge_sim.worlds.surroundings import are_places_on_road
 
 LIBRARY = DiskLibrary()
 """The borders of a map are found once."""
 
-STEP = 0.05
+STEP = 0.1
 """Of the walk along a ray [m]."""
 
 
@@ -23,19 +23,16 @@ def walk(worlds: Worlds, num: int, reach: float) -> np.ndarray:
     away = np.arange(0.0, reach, STEP)
     yaw = float(world.yaw[row])
     x0, y0 = world.x[row] + world.centre[row] * np.cos(yaw), world.y[row] + world.centre[row] * np.sin(yaw)
-    found = []
-    for i in range(num):
-        angle = yaw + 2.0 * np.pi * i / num
-        x, y = x0 + away * np.cos(angle), y0 + away * np.sin(angle)
-        is_hit = ~are_on_road(world.roads, x, y, np.full(len(x), world.z[row]))
-        for other in np.flatnonzero(world.alive):
-            if other != row:
-                cos, sin = np.cos(world.yaw[other]), np.sin(world.yaw[other])
-                east, north = x - world.x[other], y - world.y[other]
-                along, left = east * cos + north * sin - world.centre[other], north * cos - east * sin
-                is_hit |= (np.abs(along) <= world.half_length[other]) & (np.abs(left) <= world.half_width[other])
-        found.append(away[is_hit.argmax()] if is_hit.any() else reach)
-    return np.array(found)
+    angle = yaw + 2.0 * np.pi * np.arange(num)[:, None] / num
+    x, y = x0 + away * np.cos(angle), y0 + away * np.sin(angle)
+    is_hit = ~are_places_on_road(world.roads, x.ravel(), y.ravel(), np.full(x.size, world.z[row])).reshape(x.shape)
+    for other in np.flatnonzero(world.alive):
+        if other != row:
+            cos, sin = np.cos(world.yaw[other]), np.sin(world.yaw[other])
+            east, north = x - world.x[other], y - world.y[other]
+            along, left = east * cos + north * sin - world.centre[other], north * cos - east * sin
+            is_hit |= (np.abs(along) <= world.half_length[other]) & (np.abs(left) <= world.half_width[other])
+    return np.where(is_hit.any(axis=1), away[is_hit.argmax(axis=1)], reach)
 
 
 @pytest.mark.slow

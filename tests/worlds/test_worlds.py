@@ -87,6 +87,78 @@ def test_reset_takes_new_seeds() -> None:
     ]
 
 
+def test_begins_are_kept_by_scenario_and_seed_and_few_of_them() -> None:
+    worlds = Worlds(["loop", "roundabout"], seed=[3, 3], traffic=2)
+    fresh = worlds.digests()
+    worlds.step(PEDALS, 3)
+    for seeds in ([3, 3], [4, 4], [3, 3]):  # the second time from what is kept
+        worlds.reset(seeds=seeds)
+        assert (worlds.digests() == fresh) == (seeds == [3, 3])
+    worlds.step(PEDALS, 3)
+    worlds.reset(seeds=[None, 4])
+    assert worlds.digests()[0] == fresh[0]
+    assert worlds.seeds == [3, 4]
+    with pytest.raises(ValueError, match="seeds: expected 2 numbers"):
+        worlds.reset(seeds=[0, -1])
+
+
+def test_saved_traffic_goes_on_in_its_own_time() -> None:
+    worlds, same = Worlds("loop", traffic=6), Worlds("loop", traffic=6)
+    worlds.step(PEDALS, 13)
+    saved = worlds.save()
+    worlds.step(PEDALS, 4)
+    worlds.load(saved)
+    worlds.remove(0, int(worlds.world(0).uid.max()))
+    same.step(PEDALS, 13)
+    same.remove(0, int(same.world(0).uid.max()))
+    for each in (worlds, same):
+        each.step(PEDALS, 45)
+        each.step(PEDALS, 2)
+    assert worlds.digests() == same.digests()
+
+
+def test_several_egos_begin_at_the_first_one_and_are_placed_apart() -> None:
+    worlds = Worlds(["loop", "hills"], egos=3)
+    poses = worlds.egos(("x", "y", "z", "yaw"))
+    for values in poses.values():
+        assert values.shape == (2, 3)
+        assert (values == values[:, :1]).all()
+    worlds.place(1, x=5.0, y=6.0, z=1.0, yaw=0.5, speed=4.0, ego=2)
+    egos = worlds.egos(("x", "y", "yaw", "speed"))
+    assert [float(values[1, 2]) for values in egos.values()] == [5.0, 6.0, 0.5, 4.0]
+    assert egos["x"][1, 1] == poses["x"][1, 1]
+    start = worlds.digests()
+    worlds.step()
+    worlds.reset()
+    assert worlds.egos(("x",))["x"].tolist() == poses["x"].tolist()
+    assert worlds.digests() != start
+    for ego in (-1, 3):
+        with pytest.raises(ValueError, match=rf"ego: expected 0\.\.2, got {ego}"):
+            worlds.place(0, x=0.0, y=0.0, yaw=0.0, ego=ego)
+    for num in (0, 1_000_000):
+        with pytest.raises(ValueError, match="egos: expected 1"):
+            Worlds("loop", egos=num)
+
+
+def test_vehicle_is_spawned_on_a_lane_and_follows_it() -> None:
+    worlds = Worlds("loop")
+    world = worlds.world(0)
+    last = len(world.roads) - 1
+    for lane in (0, last):
+        row = world.row(worlds.spawn(0, "2015_Kia_K5", lane=lane, s=12.0, speed=3.0))
+        place = world.roads.at(np.array([lane]), np.array([12.0]))[0][0]
+        assert (world.x[row], world.y[row], world.speed[row]) == pytest.approx((place[0], place[1], 3.0))
+    row = world.row(worlds.spawn(0, "2015_Kia_K5", x=3.0, y=400.0, yaw=0.5, speed=2.0))
+    worlds.step(n=50)
+    assert (world.x[row], world.y[row]) == pytest.approx((3.0 + 2.0 * np.cos(0.5), 400.0 + 2.0 * np.sin(0.5)))
+    for lane in (-1, last + 1):
+        with pytest.raises(ValueError, match=rf"lane: expected 0\.\.{last}, got {lane}"):
+            worlds.spawn(0, "2015_Kia_K5", lane=lane)
+    for uid in (0, 999_999):
+        with pytest.raises(ValueError, match=f"uid: expected an object that is no ego, got {uid}"):
+            worlds.remove(0, uid)
+
+
 def test_pickled_worlds_find_the_map_of_their_user_again(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "rosbridge_sim" / "data" / "maps" / "track", tmp_path / "own")
     library = DiskLibrary(own_map=str(tmp_path / "own"))
@@ -274,6 +346,11 @@ def test_wrong_arguments_are_refused() -> None:
     for traffic in (-1, 2.5, float("nan"), True):
         with pytest.raises(ValueError, match=f"traffic: expected a whole number from 0 on, got {traffic}"):
             Worlds("loop", traffic=traffic)  # type: ignore[arg-type]
+    for seed in (-1, [0, -1], [0]):
+        with pytest.raises(ValueError, match="seed: expected 2 numbers that are not negative"):
+            Worlds("loop", 2, seed=seed)
+    with pytest.raises(ValueError, match="scenario: expected at least one"):
+        Worlds([])
     with pytest.raises(ValueError, match="saved: expected copies from `save`"):
         worlds.load(b"ab")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"world: expected 0\.\.1, got 2"):

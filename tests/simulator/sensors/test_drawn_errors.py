@@ -9,7 +9,12 @@ import pytest
 
 from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes, disturb_picture, disturb_radar
+from rosbridge_sim.simulator.sensors.drawn_errors import (
+    CLUTTER_STRENGTH,
+    disturb_echoes,
+    disturb_picture,
+    disturb_radar,
+)
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
@@ -137,13 +142,25 @@ def test_clutter_stands_still_in_the_beams() -> None:
     noise = RadarNoise(clutter=5.0)
     scans = [disturb_radar(find_echoes(*carrier, RADAR), carrier, RADAR, noise, chance(i)) for i in range(300)]
     assert np.mean([len(scan.rows) for scan in scans]) == pytest.approx(5.0, rel=0.1)
-    for scan in scans:
+    for i, scan in enumerate(scans):
         assert (scan.rows == -1).all()
         assert (np.diff(scan.distance) >= 0.0).all()
         assert scan.range_rate == pytest.approx(-20.0 * np.cos(scan.azimuth))
         is_near = (scan.distance <= RADAR.near_range) & (np.abs(scan.azimuth) <= math.radians(RADAR.near_fov / 2))
         is_far = (scan.distance <= RADAR.far_range) & (np.abs(scan.azimuth) <= math.radians(RADAR.far_fov / 2))
         assert (is_near | is_far).all()
+        flat = np.column_stack([np.cos(scan.azimuth), np.sin(scan.azimuth), 0.0 * scan.azimuth])
+        assert scan.position == pytest.approx(scan.distance[:, None] * flat)
+        few = disturb_radar(find_echoes(*carrier, RADAR), carrier, replace(RADAR, max_echoes=3), noise, chance(i))
+        assert few.distance.tolist() == scan.distance.tolist()[:3]
+    azimuth, distance, amplitude = (
+        np.concatenate([getattr(scan, name) for scan in scans]) for name in ("azimuth", "distance", "amplitude")
+    )
+    assert abs(azimuth.mean()) < 0.03
+    assert np.abs(azimuth).max() == pytest.approx(math.radians(RADAR.near_fov / 2), rel=0.02)
+    assert (distance > RADAR.near_range).mean() == pytest.approx(0.5 * (1.0 - 60.0 / 174.0), abs=0.04)
+    assert distance.min() >= 0.01 * RADAR.near_range
+    assert amplitude.mean() == pytest.approx(CLUTTER_STRENGTH, rel=0.1)
 
 
 def test_lost_and_weakened_echoes_are_not_there() -> None:

@@ -4,6 +4,7 @@ import json
 import math
 from typing import Any
 
+import msgspec
 import pytest
 
 from rosbridge_sim.errors import DocumentError
@@ -11,6 +12,7 @@ from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.imu import ImuSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
+from rosbridge_sim.simulator.sensors.morai_items import Block, Item, Reading
 from rosbridge_sim.simulator.sensors.morai_sensor_file import is_morai_file, read_morai_sensors
 
 
@@ -74,11 +76,41 @@ def test_principal_point_gives_the_size_in_each_form() -> None:
         assert (camera.width, camera.height) == (1280, 720)
 
 
-def test_focal_length_gives_the_width_without_a_principal_point() -> None:
-    block = {key: value for key, value in CAMERA["cc"].items() if key != "principalPoint"}
-    ((camera,), remarks) = read(cameraList=[CAMERA | {"cc": block}])
-    assert (camera.width, camera.height) == (640, 480)
-    assert remarks == ["Camera-4: no principalPoint: the picture is 640 x 480"]
+@pytest.mark.parametrize(
+    ("block", "size"),
+    [
+        ({}, (640, 480)),
+        ({"cameraFOV": 90, "focalLengthpixel": 500.0}, (1000, 750)),
+        ({"cameraFOV": 0.5, "focalLengthpixel": 100_000}, (873, 655)),
+        ({"focalLengthpixel": None}, (640, 480)),
+        ({"principalPoint": "640,0"}, (640, 480)),
+        ({"principalPoint": [0, 360]}, (640, 480)),
+        ({"principalPoint": "640"}, (640, 480)),
+        ({"principalPoint": "wide,high"}, (640, 480)),
+        ({"principalPoint": [1e999, 2]}, (640, 480)),
+    ],
+)
+def test_focal_length_gives_the_width_without_a_principal_point(block: dict[str, Any], size: tuple[int, int]) -> None:
+    item = Item(cc=msgspec.convert({"principalPoint": None, "cameraFOV": 70, "focalLengthpixel": 457.1} | block, Block))
+    reading = Reading()
+    found = CameraSpec().of_morai(item, reading)
+    assert (found["width"], found["height"]) == size
+    assert reading.remarks == [f"Camera: no principalPoint: the picture is {size[0]} x {size[1]}"]
+
+
+@pytest.mark.parametrize(
+    ("keys", "remark"),
+    [
+        ({"cameraType": 3}, "Camera-4: cameraType 3 is not known; it sees colours"),
+        ({"sensorPeriod": "0.01"}, "Camera-4: 100 Hz is more than a world of 50 frames a second has; it is 50 Hz"),
+        ({"sensorPeriod": "0.01999"}, None),  # 50.03 Hz
+        ({"sensorPeriod": "0.0199"}, "Camera-4: 50.2513 Hz is more than a world of 50 frames"),
+    ],
+)
+def test_value_that_is_not_taken_is_told(keys: dict[str, Any], remark: str | None) -> None:
+    (_, remarks) = read(cameraList=[CAMERA | {"cc": CAMERA["cc"] | keys}])
+    assert len(remarks) == (remark is not None)
+    assert remark is None or remarks[0].startswith(remark)
 
 
 def test_frame_that_stands_there_twice_gets_a_number() -> None:

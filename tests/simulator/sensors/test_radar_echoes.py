@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import cmath
 import math
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
-from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes, find_echoes
+from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes, _Footprints, find_echoes, own_velocity
 from rosbridge_sim.world.state.world import Body, Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
@@ -95,6 +97,91 @@ def test_side_of_a_car_is_stronger_than_its_rear() -> None:
     side = look(scene((Kind.VEHICLE, CAR, 35.0, -CAR.centre, math.pi / 2.0, 0.0)))
     rear = look(scene(rear_of(side.distance.item(0))))
     assert side.amplitude[0] == pytest.approx(rear.amplitude[0] + 10.0 * math.log10(2.0), abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "section"),
+    [
+        (Kind.VEHICLE, CAR, 10.0),
+        (Kind.VEHICLE, Body(length=6.0, width=2.0, height=1.5), 10.0),
+        (Kind.VEHICLE, Body(length=6.01, width=2.0, height=1.5), 20.0),
+        (Kind.EGO, Body(length=6.01, width=2.0, height=1.5), 20.0),
+        (Kind.VEHICLE, Body(length=2.0, width=0.98, height=1.5), -3.0),
+        (Kind.VEHICLE, Body(length=2.0, width=1.0, height=1.5), 10.0),
+        (Kind.PEDESTRIAN, PERSON, -8.0),
+        (Kind.OBSTACLE, Body(length=8.0, width=0.5, height=1.5), 0.0),
+    ],
+)
+def test_amplitude_is_the_cross_section_at_this_distance_over_that_of_a_car_at_the_end(
+    kind: Kind, body: Body, section: float
+) -> None:
+    world = scene((kind, body, FRONT.x + 15.0 + 0.5 * body.length - body.centre, 0.0, 0.0, 0.0))
+    world.z[1] = FRONT.z - 0.5 * body.height  # level with the radar
+    (amplitude,) = look(world, spec=RadarSpec(near_range=50.0, far_range=100.0)).amplitude
+    assert amplitude == pytest.approx(section + 40.0 * math.log10(100.0 / 15.0) - 10.0, abs=0.02)
+
+
+def test_beams_are_as_high_as_the_specification_says() -> None:
+    for up, num in ((0.85, 1), (0.90, 0), (-0.85, 1), (-0.90, 0)):  # 5 deg at 10 m are 0.875 m
+        world = scene(rear_of(10.0))
+        world.z[1] = FRONT.z - 0.5 * CAR.height + up
+        assert len(look(world).rows) == num
+    assert not len(look(scene(rear_of(10.0)), Mounting(x=4.0, z=0.75, pitch=0.09)).rows)
+
+
+def test_rate_is_the_change_of_the_distance_while_both_vehicles_turn() -> None:
+    world = scene((Kind.VEHICLE, CAR, 20.0, 8.0, 2.0, 9.0), speed=12.0, yaw=0.1)
+    world.yaw_rate[:2] = 0.6, -0.9
+    mounting = Mounting(x=3.0, y=0.8, z=0.75, yaw=0.3)
+    echoes = look(world, mounting, RadarSpec(near_fov=170.0))
+    dt = 1e-6
+
+    def place(row: int, east: float, north: float) -> complex:
+        """Where a place that is fixed to a vehicle is a moment later."""
+        at = complex(world.x[row], world.y[row])
+        turn, yaw = world.yaw_rate[row] * dt, world.yaw[row]
+        return at + world.speed[row] * dt * cmath.exp(1j * yaw) + (complex(east, north) - at) * cmath.exp(1j * turn)
+
+    here = cmath.exp(0.1j) * (3.0 + 0.8j)
+    there = here + cmath.exp(1j * (0.1 + 0.3)) * complex(*echoes.position[0, :2])
+    later = place(1, there.real, there.imag) - place(0, here.real, here.imag)
+    flat = abs(there - here)
+    rate = (abs(later) - flat) / dt
+    assert echoes.range_rate[0] * echoes.distance[0] / flat == pytest.approx(rate, abs=1e-3)
+    own = own_velocity(world, 0, mounting)
+    expected = (place(0, here.real, here.imag) - here) / dt * cmath.exp(-0.4j)
+    assert own == pytest.approx(np.array([expected.real, expected.imag, 0.0]), abs=1e-4)
+
+
+def test_visible_share_is_that_of_the_directions_which_no_nearer_box_takes() -> None:
+    rng = np.random.default_rng(2)
+    world = World()
+    for _ in range(14):
+        away, at = rng.uniform(6.0, 25.0), rng.uniform(-math.pi, math.pi)
+        body = Body.box(rng.uniform(2.0, 8.0), rng.uniform(1.0, 3.0), 1.5)
+        x, y = away * math.cos(at), away * math.sin(at)
+        world.spawn(Kind.OBSTACLE, body, name="box", x=x, y=y, yaw=rng.uniform(-3.0, 3.0))
+    rows = np.arange(14)
+    feet = _Footprints(world, rows, (1.0, -2.0, 0.0))
+    distance = np.hypot(*feet.nearest_points())
+    visible, shown = feet.sight(distance)
+    sides = np.linspace(-1.0, 1.0, 101)
+    outline = np.concatenate([sides + 1j, sides - 1j, 1j * sides + 1.0, 1j * sides - 1.0])
+    taken = np.zeros(7_200, dtype=bool)
+    for row in np.argsort(distance).tolist():
+        turn, middle = cmath.exp(1j * world.yaw[row]), complex(world.x[row], world.y[row]) - (1.0 - 2.0j)
+        size = outline.real * world.half_length[row] + 1j * outline.imag * world.half_width[row]
+        corners = middle + size * turn
+        assert distance[row] == pytest.approx(np.abs(corners).min(), abs=0.05)
+        angles = np.angle(corners / middle)
+        aside = (corners * np.conj(middle / abs(middle))).imag
+        assert shown[row] == pytest.approx(aside.max() - aside.min())
+        first, last = (round(math.degrees(edge + cmath.phase(middle)) * 20) for edge in (angles.min(), angles.max()))
+        steps = np.arange(first, last + 1) % 7_200
+        assert visible[row] == pytest.approx(1.0 - taken[steps].mean(), abs=0.06)
+        taken[steps] = True
+    assert ((visible > 0.1) & (visible < 0.9)).sum() >= 3
+    assert visible.min() < 0.2
 
 
 def test_nearest_echoes_are_kept() -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.simulator.sensors.sensor_noise import TYPICAL, NoiseSource, SensorNoise, read_noise
+from rosbridge_sim.simulator.sensors.sensor_noise import TYPICAL, NoiseSource, SensorNoise, covariance, read_noise
+from rosbridge_sim.world.geometry.planar import chain, quaternion, rotate
 from rosbridge_sim.world.vehicle.sensor_readings import Inertia
 from tests.simulator.sensors.test_sensors import in_sync, on_map
 from tests.simulator.sim_harness import SimHarness
@@ -75,6 +76,25 @@ def test_reading_of_the_unit_has_errors_in_all_its_values() -> None:
     assert 0.0 < abs(read.acceleration[2] - 9.80665) < 0.5
     assert all(0.0 < abs(rate) < 0.05 for rate in read.angular_velocity)
     assert read.orientation != STILL.orientation
+
+
+def test_orientation_errors_are_about_the_axes_of_the_vehicle_and_yaw_about_that_of_the_map() -> None:
+    upright = Inertia(quaternion(0.0, 0.0, 1.0), HERE, HERE)
+    for name, axis in (("roll_pitch", (0, 1)), ("yaw", (2,))):
+        errors = []
+        for frame in range(400):
+            read = NoiseSource(noise(imu={name: {"white": 0.02}}), 0, 0, frame).feel(upright).orientation
+            errors.append(rotate(chain(read, quaternion(0.0, 0.0, -1.0)), (0.3, 0.5, 0.7)))
+        moved = np.array(errors) - (0.3, 0.5, 0.7)
+        if axis == (2,):
+            assert np.abs(moved[:, 2]).max() < 1e-12
+            assert moved[:, 0].std() == pytest.approx(0.5 * 0.02, rel=0.15)
+        else:
+            assert moved[:, 2].std() == pytest.approx(np.hypot(0.3, 0.5) * 0.02, rel=0.15)
+
+
+def test_covariance_has_the_variances_on_its_diagonal() -> None:
+    assert covariance(1.0, 2.0, 3.0) == [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0]
 
 
 # Documents
