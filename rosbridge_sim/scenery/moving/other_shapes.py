@@ -88,7 +88,7 @@ def _wheel(builder: TemplateBuilder, x: float, radius: float, width: float, *, i
     faces = []
     for k in range(4):
         a, b = sides * k, sides * ((k + 1) % 4)
-        faces += [np.column_stack([a + i, a + j, b + j]), np.column_stack([a + i, b + j, b + i])]
+        faces += [np.column_stack([a + i, b + j, a + j]), np.column_stack([a + i, b + i, b + j])]
     builder.add((vertices, np.concatenate(faces).astype(np.int32)), Tint.TYRE)
     if is_spoked:
         for k in range(0, sides, 2):

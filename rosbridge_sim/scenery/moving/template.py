@@ -100,7 +100,7 @@ class TemplateBuilder:
             return
         x = high[0] if high[0] > 0.0 else low[0]
         for sign, tint in ((1.0, left), (-1.0, right)):
-            y0, y1 = sign * low[1], sign * high[1]
+            y0, y1 = sorted((sign * low[1], sign * high[1]), reverse=x < 0.0)  # it looks away from the body
             corners = np.array([(x, y0, low[2]), (x, y1, low[2]), (x, y1, high[2]), (x, y0, high[2])])
             self.add((corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)), tint)
 
@@ -109,10 +109,10 @@ class TemplateBuilder:
         self.add(column(radius, low, high, 8, top), tint)
 
     def extrude(self, profile: Profile, sides: Tint) -> None:
-        """Add a body with one side view, which is convex.
+        """Add a body with one side view.
 
         Args:
-            profile: its outline, from the lower rear up, forward and down.
+            profile: its outline, from the lower rear up, forward and down; all of it can be seen from its first point.
             sides: tint of both sides.
         """
         k = len(profile)

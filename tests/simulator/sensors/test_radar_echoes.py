@@ -140,7 +140,8 @@ def test_rate_is_the_change_of_the_distance_while_both_vehicles_turn() -> None:
         """Where a place that is fixed to a vehicle is a moment later."""
         at = complex(world.x[row], world.y[row])
         turn, yaw = world.yaw_rate[row] * dt, world.yaw[row]
-        return at + world.speed[row] * dt * cmath.exp(1j * yaw) + (complex(east, north) - at) * cmath.exp(1j * turn)
+        gone = float(world.speed[row]) * dt * cmath.exp(1j * yaw)
+        return at + gone + (complex(east, north) - at) * cmath.exp(1j * turn)
 
     here = cmath.exp(0.1j) * (3.0 + 0.8j)
     there = here + cmath.exp(1j * (0.1 + 0.3)) * complex(*echoes.position[0, :2])
