@@ -80,14 +80,8 @@ TESTS = {
     "world/people": f"{_WORLD} {_DRIVES}",
     "world/vehicle": f"{_WORLD} {_DRIVES}",
     "simulator/sensors": "simulator/sensors",
-    "scenery": "scenery",
-    "environments": "environments",
     "worlds": "worlds environments/test_remote_env.py",
     "campaigns": "campaigns",
-    "campaign_runs": "campaign_runs campaigns",
-    "graph/ros2": "graph/ros2 graph/gateway",
-    "graph/gateway": "graph/ros2 graph/gateway",
-    "shell/rendering": "shell/rendering",
 }
 """The central files and folders, with the tests that should notice their mutants."""
 

@@ -166,11 +166,14 @@ def four_corners(outline: FloatArray) -> FloatArray | None:
 
 def _add_stop_lines(builder: MeshBuilder, roads: Roads, painted: Sequence[Border]) -> None:
     """Add stop lines at the ends of lanes with a stop where the map has no painted one."""
-    places = np.concatenate([border.line for border in painted]) if painted else np.zeros((0, 3))
+    starts = np.concatenate([np.zeros((0, 2)), *(border.line[:-1, :2] for border in painted)])
+    steps = np.concatenate([np.zeros((0, 2)), *(np.diff(border.line[:, :2], axis=0) for border in painted)])
     for lane in np.flatnonzero(roads.is_stop).tolist():
         last = int(roads.first[lane + 1]) - 1
         end = roads.points[last]
-        if len(places) and np.hypot(*(places[:, :2] - end[:2]).T).min() < STOP_NEAR:
+        away = end[:2] - starts
+        share = np.clip((away * steps).sum(axis=1) / np.maximum(np.square(steps).sum(axis=1), 1e-9), 0.0, 1.0)
+        if (np.hypot(*(away - share[:, None] * steps).T) < STOP_NEAR).any():
             continue
         back = (roads.points[last] - roads.points[last - 1])[:2]
         back = back / np.hypot(*back)
