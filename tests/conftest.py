@@ -15,6 +15,8 @@ import pytest
 import pytest_asyncio
 
 from tests.deployment import Bridges, Place
+from tests.long_tests import find_mistakes
+from tests.long_tests import is_long as is_of_a_long_group
 from tests.support import Client, ServerProcess, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
@@ -59,6 +61,8 @@ def pytest_collection() -> Generator[None, object, object]:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the long tests; with `--long`, all but those and the ones of hypothesis."""
+    if config.args_source == pytest.Config.ArgsSource.TESTPATHS and (mistakes := find_mistakes(map(_name, items))):
+        raise pytest.UsageError("tests/long_tests.toml: " + "; ".join(mistakes))
     is_long = config.getoption("--long")
     chosen: list[pytest.Item] = []
     others: list[pytest.Item] = []
@@ -122,7 +126,7 @@ PROGRAMS = ("page", "end_to_end", "cli", "campaign_runs")
 
 def _turn_of(item: pytest.Item) -> tuple[int, int]:
     """Place of a test's file in the run; files of the same place stay in their order."""
-    file = item.path.relative_to(Path(__file__).parent).as_posix()
+    file = _name(item).partition("::")[0]
     longest = LONGEST_LONG if item.config.getoption("--long") else LONGEST
     if file in longest:
         return 0, longest.index(file)
@@ -131,11 +135,16 @@ def _turn_of(item: pytest.Item) -> tuple[int, int]:
 
 def is_in_run(item: pytest.Item, *, is_long: bool) -> bool:
     """Whether a test is one of the long run, or of the ordinary one."""
-    is_marked = item.get_closest_marker("long") is not None
+    is_marked = item.get_closest_marker("long") is not None or is_of_a_long_group(_name(item))
     if not is_long:
         return not is_marked
     # Not by the mark `hypothesis`: its plugin sets it after our hook.
     return is_marked or (isinstance(item, pytest.Function) and hypothesis.is_hypothesis_test(item.obj))
+
+
+def _name(item: pytest.Item) -> str:
+    """A test as `file::test[PARAMETERS]` within this folder."""
+    return item.nodeid.removeprefix("tests/")
 
 
 Serve = Callable[..., ServerProcess]
