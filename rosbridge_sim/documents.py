@@ -1,47 +1,28 @@
-"""Models of JSON documents of the user: their base class, the spelling of numbers, and their keys.
+"""Models of documents of the user: their base classes, the spelling of numbers, and their keys.
 
-Scenario, map and sensor files share this module. A model also gives the function that reads documents without a
-mistake. `document_reading` reads any document.
+Scenario, map, sensor, campaign and catalogue files share this module. A field has a type with marks (`Annotated` with
+msgspec's `Meta`): bounds, a description, and under `extra` the function that reads other spellings. `document_reading`
+reads documents by these models, and words their mistakes.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from functools import cache, cached_property, partial
-from math import inf
-from types import UnionType
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    Final,
-    Generic,
-    NamedTuple,
-    Self,
-    TypeAlias,
-    TypeVar,
-    Union,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from collections.abc import Callable, Iterator
+from functools import cache
+from typing import Annotated, Any, ClassVar, Final, Generic, NamedTuple, Self, TypeVar, get_args, get_type_hints
 
 import msgspec
 from msgspec import Meta
 
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
-from rosbridge_sim.records import Record
 
 T = TypeVar("T")
 
 MAX_KEY_SHOWN: Final = 100
 """Longest part of a key that an error or a list shows [characters]; that of no document of ours is as long."""
-
-Model: TypeAlias = Any
-"""A class: a `Document`, or a model of pydantic with the same class values."""
 
 MAX_NUMBER_TEXT = 40
 """Longest text that is a number [characters]."""
@@ -56,7 +37,8 @@ _NUMBER = re.compile(r"[+-]?(\d{1,3}(,\d{3})+|\d+)?(\.\d*)?([eE][+-]?\d{1,3})?")
 class Document(msgspec.Struct, frozen=True, kw_only=True):
     """An object of a document. Unknown keys are ignored, because MORAI writes many and adds more.
 
-    Subclasses are `frozen` and `kw_only`, too, which keeps their fields in order.
+    Subclasses are `frozen` and `kw_only`, too, which keeps their fields in order. A `__post_init__` that raises a
+    ValueError tells which values do not fit together.
 
     Attributes:
         other_keys: keys that are read in addition to the fields.
@@ -76,31 +58,30 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
         return value
 
 
-class Spelling:
-    """Mark of a field whose value may be written in more ways than JSON's own.
+class Table(Document, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An object of a file of our own form. Unknown keys are mistakes."""
+
+
+class DocumentType(Generic[T]):
+    """The form of a document.
 
     Attributes:
-        read: returns the value for what was written; raises ValueError, whose text follows the place in an error.
-        check: raises ValueError for a value that does not fit, in the same way.
-        schema: for the JSON Schema; None for that of the type.
+        form: a model, or a type such as `list[Model]`, with the marks of this module.
     """
 
-    __slots__ = ("check", "read", "schema")
-
-    def __init__(
-        self,
-        read: Callable[[object], object] | None = None,
-        *,
-        check: Callable[[Any], None] | None = None,
-        schema: Mapping[str, object] | None = None,
-    ) -> None:
-        self.read = read
-        self.check = check
-        self.schema = schema
+    def __init__(self, form: Any) -> None:  # noqa: ANN401 - a type form
+        self.form = form
 
 
-def _read_number(value: object) -> object:
-    """Return a number that is given as such or as text; MORAI also writes numbers as text with thousands commas."""
+# Marks
+
+
+def read_number(value: object) -> object:
+    """Return a number that is given as such or as text; MORAI also writes numbers as text with thousands commas.
+
+    Raises:
+        ValueError: it is none; the text follows the place in an error.
+    """
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value
     if isinstance(value, str):
@@ -121,194 +102,66 @@ def _read_flag(value: object) -> object:
     raise ValueError("expected true or false")
 
 
-NUMBER: Final = Spelling(_read_number, schema={"type": ["number", "string"]})
-WHOLE: Final = Spelling(_read_number, schema={"type": ["integer", "string"]})
-FLAG: Final = Spelling(_read_flag, schema={"type": "boolean"})
+def read_text(value: object) -> object:
+    """Return a text that may be given as a number: ids of maps are; 7.0 is `7`.
 
-Number = Annotated[float, NUMBER, Meta(ge=-1e12, le=1e12)]
+    Raises:
+        ValueError: it is none.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return f"{value:.0f}" if isinstance(value, float) and value.is_integer() else str(value)
+    if isinstance(value, str):
+        return value
+    raise ValueError("expected a text")
+
+
+SPELLED: Final = "spelled"
+"""Key in the schema of a number that may also be written as a text."""
+
+
+def number_within(low: float, high: float) -> Meta:
+    """Return the mark of a number within bounds, also as text."""
+    return Meta(ge=low, le=high, extra={"read": read_number}, extra_json_schema={SPELLED: True})
+
+
+def text_within(
+    longest: int | None = None, check: Callable[[str], None] | None = None, pattern: str | None = None
+) -> Meta:
+    """Return the mark of a text, which may be written as a number.
+
+    Args:
+        longest: most characters.
+        check: raises ValueError for a text that does not fit.
+        pattern: regular expression of texts that fit, for the schema.
+    """
+    return Meta(max_length=longest, pattern=pattern, extra={"read": read_text, "check": check})
+
+
+Number = Annotated[float, number_within(-1e12, 1e12)]
 """Any finite number, also as text."""
 
-Coordinate = Annotated[float, NUMBER, Meta(ge=-MAX_DOCUMENT_COORDINATE, le=MAX_DOCUMENT_COORDINATE)]
+Coordinate = Annotated[float, number_within(-MAX_DOCUMENT_COORDINATE, MAX_DOCUMENT_COORDINATE)]
 """Metres."""
 
-Ratio = Annotated[
-    float,
-    Spelling(_read_number, schema={"type": ["number", "string"], "minimum": 0, "maximum": 1}),
-    Meta(ge=0.0, le=1.0),
-]
+Ratio = Annotated[float, number_within(0.0, 1.0)]
 
-Whole = Annotated[int, WHOLE, Meta(ge=-(2**31), le=2**31 - 1)]
+Whole = Annotated[int, number_within(-(2**31), 2**31 - 1)]
 """An int32, also as text or as 2.0."""
 
-LenientBool = Annotated[bool, FLAG]
+Text = Annotated[str, text_within()]
+"""Any text, also a number."""
 
+LenientBool = Annotated[bool, Meta(extra={"read": _read_flag})]
 
-KeptAsWritten = Annotated[Any, Spelling(schema={})]
+KeptAsWritten = Any
 """Any JSON value, kept as it is written; a key without effect cannot hold a mistake."""
 
 
-def number_spelling(low: float, high: float, kind: str = "number") -> Spelling:
-    """Return the mark of a number, also as text, whose schema tells its bounds."""
-    return Spelling(_read_number, schema={"type": [kind, "string"], "minimum": low, "maximum": high})
-
-
-class DocumentType(Generic[T]):
-    """The form of a document: what it holds, and how that is read.
-
-    Attributes:
-        form: a model, or a type such as `list[Model]`, with the marks of this module.
-        knows_mistakes: what finds its mistakes was made; see `document_mistakes`.
-    """
-
-    def __init__(self, form: Any) -> None:  # noqa: ANN401 - a type form
-        self.form = form
-        self.knows_mistakes = False
-
-    @cached_property
-    def read(self) -> Callable[[Any], T]:
-        """Function that returns the model of a JSON value; it raises ValueError for one that may have a mistake."""
-        return _reader_of(self.form)
-
-
-class Mistake(Record):
-    """A mistake in a document.
-
-    Attributes:
-        place: keys and indices of the wrong value; empty for the document as a whole.
-        text: one line with the place and the mistake.
-    """
-
-    place: tuple[int | str, ...]
-    text: str
-
-
 @cache
-def fields_of(kind: Model) -> dict[str, Any]:
+def fields_of(kind: type[Document]) -> dict[str, Any]:
     """Return the types of the keys of a model."""
-    if not issubclass(kind, Document):
-        return {name: field.annotation for name, field in kind.model_fields.items()}
     hints = get_type_hints(kind, include_extras=True)
-    return {name: hints[name] for name in kind.__struct_fields__}
-
-
-# Readers
-
-_Reader: TypeAlias = Callable[[Any], Any]
-"""Returns the value for a JSON value; raises ValueError where there may be a mistake."""
-
-
-_ALL: Final = (-inf, inf)
-
-
-def _reader_of(form: Any) -> _Reader:  # noqa: ANN401, PLR0911 - a type form, and a line for each kind of it
-    """Return the function that reads values of a type."""
-    marks: list[Any] = []
-    while get_origin(form) is Annotated:
-        form, *more = get_args(form)
-        marks = [*more, *marks]
-    spelling = next((mark for mark in marks if isinstance(mark, Spelling)), Spelling())
-    bounds = next(((mark.ge, mark.le) for mark in marks if isinstance(mark, Meta) and mark.ge is not None), _ALL)
-    longest = next((mark.max_length for mark in marks if isinstance(mark, Meta) and mark.max_length is not None), inf)
-    origin, args = get_origin(form), get_args(form)
-    if form is Any:
-        return _as_it_is
-    if isinstance(form, type) and issubclass(form, Document):
-        return _model_reader(form)
-    if origin in {Union, UnionType}:
-        return _choice_reader([_reader_of(arg) for arg in args])
-    if form is str:
-        return partial(_read_text, spelling.check, longest)
-    if spelling.read is not None and form in {float, int, bool}:
-        return partial(_read_spelled, form, spelling.read, bounds)
-    if origin is list or (origin is tuple and args[1:] == (...,)):
-        each = _reader_of(args[0]) if _has_own(args[0]) else None
-        return partial(_read_each, each or partial(msgspec.convert, type=form), origin if each else None, longest)
-    if origin is tuple and _has_own(form):
-        return partial(_read_places, [_reader_of(arg) for arg in args])
-    return partial(msgspec.convert, type=form)
-
-
-def _has_own(form: Any) -> bool:  # noqa: ANN401 - a type form
-    """Tell whether a type holds a model, a text, or a value with other spellings, which msgspec cannot read."""
-    if form is str or (isinstance(form, type) and issubclass(form, Document)) or isinstance(form, Spelling):
-        return True
-    return any(map(_has_own, [*get_args(form), *getattr(form, "__metadata__", ())]))
-
-
-def _as_it_is(value: object) -> object:
-    return value
-
-
-def _read_text(check: Callable[[str], None] | None, longest: float, value: object) -> str:
-    if type(value) is int:
-        value = str(value)
-    if not isinstance(value, str) or len(value) > longest:
-        raise ValueError("no such text")
-    if check is not None:
-        check(value)
-    return value
-
-
-def _read_spelled(kind: type[float], read: Callable[[object], Any], bounds: tuple[Any, Any], value: object) -> float:
-    found = read(value)
-    if not bounds[0] <= found <= bounds[1]:
-        raise ValueError("out of range")
-    number = kind(found)
-    if number != found:
-        raise ValueError("no whole number")
-    return number
-
-
-def _read_each(read: _Reader, kind: type[Any] | None, longest: float, value: object) -> object:
-    """Read the entries of a list; or a list as a whole, if there is no kind."""
-    if not isinstance(value, list) or len(value) > longest:
-        raise ValueError("no such list")
-    return read(value) if kind is None else kind(map(read, value))
-
-
-def _read_places(readers: list[_Reader], value: object) -> object:
-    if not isinstance(value, list) or len(value) != len(readers):
-        raise ValueError("no such list")
-    return tuple(read(one) for read, one in zip(readers, value, strict=True))
-
-
-def _choice_reader(readers: list[_Reader]) -> _Reader:
-    """Return the function that reads a value as one of several types."""
-
-    def read(value: object) -> object:
-        for each in readers:
-            try:
-                return each(value)
-            except ValueError:
-                pass
-        raise ValueError("none of the types")
-
-    return read
-
-
-def _model_reader(kind: type[Document]) -> _Reader:
-    """Return the function that reads objects of a model; that of a field is made when the field is first there."""
-    forms = fields_of(kind)
-    defaults = kind.__struct_defaults__
-    names = kind.__struct_fields__
-    without = (msgspec.NODEFAULT,) * (len(names) - len(defaults))
-    needed = {name for name, default in zip(names, without + defaults, strict=True) if default is msgspec.NODEFAULT}
-    readers: dict[str, _Reader] = {}
-    prepare = kind.prepare if "prepare" in vars(kind) else _as_it_is
-
-    def read(value: object) -> object:
-        value = prepare(value)
-        if not (isinstance(value, dict) and value.keys() >= needed):
-            raise ValueError("no such object")
-        found = {}
-        for name in names:
-            if name in value:
-                if name not in readers:
-                    readers[name] = _reader_of(forms[name])
-                found[name] = readers[name](value[name])
-        return kind(**found)
-
-    return read
+    return {key: hints[name] for key, name in zip(kind.__struct_encode_fields__, kind.__struct_fields__, strict=True)}
 
 
 # Keys
@@ -328,7 +181,7 @@ class SortedKeys(NamedTuple):
     passed_over: Counter[str]
 
 
-def sort_keys(kind: Model, value: object) -> SortedKeys:
+def sort_keys(kind: type[Document], value: object) -> SortedKeys:
     """Sort the keys of a JSON value by their use when it is read as a document.
 
     Args:
@@ -344,7 +197,7 @@ def sort_keys(kind: Model, value: object) -> SortedKeys:
     return keys
 
 
-def keys_beside(kind: Model, path: str) -> list[str]:
+def keys_beside(kind: type[Document], path: str) -> list[str]:
     """Return the keys that are valid at a path.
 
     Args:
@@ -363,7 +216,7 @@ def keys_beside(kind: Model, path: str) -> list[str]:
     return list(fields_of(kind))
 
 
-def _keys(kind: Model, value: object, path: str, keys: SortedKeys) -> Iterator[tuple[str, Counter[str]]]:
+def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> Iterator[tuple[str, Counter[str]]]:
     """Yield the path of each key and the counter that it belongs to."""
     if isinstance(value, list):
         for one in value:
@@ -381,8 +234,8 @@ def _keys(kind: Model, value: object, path: str, keys: SortedKeys) -> Iterator[t
                 yield from _keys(inner, one, where, keys)
 
 
-def _kind_within(annotation: object) -> Model | None:
+def _kind_within(form: object) -> type[Document] | None:
     """Return the model in a field's type: directly, in a list, or optional; None if there is none."""
-    if isinstance(annotation, type) and hasattr(annotation, "idle_keys"):
-        return annotation
-    return next((kind for kind in map(_kind_within, get_args(annotation)) if kind is not None), None)
+    if isinstance(form, type) and issubclass(form, Document):
+        return form
+    return next((kind for kind in map(_kind_within, get_args(form)) if kind is not None), None)

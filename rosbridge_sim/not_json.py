@@ -1,12 +1,12 @@
 """Texts that are not JSON: what they are instead, in words that say what to do.
 
-The parser's own words are about the grammar ("expected value at line 1 column 1"). The usual reasons are an encoding, a
+The parser's own words are about the grammar ("Expecting value: line 1 column 1"). The usual reasons are an encoding, a
 comment, single quotes, or a file that is no text at all.
 """
 
 from __future__ import annotations
 
-import re
+import json
 from typing import Final
 
 _UTF_16: Final = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff")
@@ -18,15 +18,22 @@ LOOKED_AT_TEXT: Final = 4_096
 MAX_EXCERPT: Final = 20
 """Characters of a text that an error quotes."""
 
-_JSON_PLACE: Final = re.compile(r"(?P<what>.*) at line (?P<line>\d+) column (?P<column>\d+)")
+_WORDS: Final = {
+    "Expecting value": "expected a value",
+    "Expecting property name enclosed in double quotes": "expected a key in double quotes",
+    "Extra data": "expected nothing behind its end",
+    "Unterminated string starting at": "a text that begins here has no end",
+    "Invalid control character at": "a control character in a text",
+}
+"""The parser's words -> ours."""
 
 
-def explain_not_json(text: bytes, why: str, source: str) -> str:
+def explain_not_json(text: bytes, error: Exception, source: str) -> str:
     """Return the error for a text that is not JSON.
 
     Args:
-        text: the text, with or without a byte order mark.
-        why: the parser's words, such as `trailing comma at line 2 column 1`.
+        text: the text, without a byte order mark of UTF-8.
+        error: that of Python's decoder or parser.
         source: the file's name.
 
     Returns:
@@ -36,15 +43,21 @@ def explain_not_json(text: bytes, why: str, source: str) -> str:
         return f"{source}: expected UTF-8, got UTF-16; save the file as UTF-8"
     if b"\x00" in text[:LOOKED_AT_TEXT]:
         return f"{source}: expected a JSON document, got a binary file"
-    try:
-        text.decode()
-    except UnicodeDecodeError as error:
+    if isinstance(error, UnicodeDecodeError):
         return _not_utf_8(text, error.start, source)
-    place = _JSON_PLACE.fullmatch(why)
-    if place is None:
-        return f"{source}: not JSON: {why}"
-    line, column = int(place["line"]), int(place["column"])
-    return f"{source}:{line}:{column}: not JSON: {place['what']}{_hint(_rest(text, line, column), place['what'])}"
+    if not isinstance(error, json.JSONDecodeError):
+        half = isinstance(error, UnicodeEncodeError)
+        why = "an escape such as \\ud800 is half a character" if half else "a number is too long"
+        return f"{source}: not JSON: {'nested too deeply' if isinstance(error, RecursionError) else why}"
+    doc, at, what = error.doc, error.pos, _WORDS.get(error.msg, error.msg.replace("Expecting", "expected"))
+    rest = doc[at:].lstrip()
+    comma = len(doc[:at].rstrip()) - 1
+    if error.msg.startswith("Illegal trailing") or (doc[comma:at].startswith(",") and rest.startswith(("]", "}"))):
+        at, what = (comma if rest.startswith(("]", "}")) else at), "trailing comma"
+    elif not rest:
+        what = "the text ends too early"
+    line, column = doc.count("\n", 0, at) + 1, at - doc.rfind("\n", 0, at)
+    return f"{source}:{line}:{column}: not JSON: {what}{_hint(rest[:MAX_EXCERPT], error.msg)}"
 
 
 def _not_utf_8(text: bytes, at: int, source: str) -> str:
@@ -54,19 +67,10 @@ def _not_utf_8(text: bytes, at: int, source: str) -> str:
     return f"{source}:{line}:{column}: not UTF-8: byte 0x{text[at]:02x}; save the file as UTF-8"
 
 
-def _rest(text: bytes, line: int, column: int) -> str:
-    """Return the text from a place on; the parser counts bytes."""
-    lines = text.split(b"\n", line)
-    rest = lines[line - 1][column - 1 :] if len(lines) >= line else b""
-    return rest[: 4 * MAX_EXCERPT].decode(errors="replace").lstrip()
-
-
 def _hint(rest: str, what: str) -> str:
     """Return what probably went wrong, for the end of the error; an empty text if it is not known."""
     if rest.startswith(("//", "/*", "#")):
         return "; JSON has no comments"
     if rest.startswith("'"):
         return "; JSON has double quotes"
-    if what == "expected value" and rest:
-        return f", got {rest.splitlines()[0][:MAX_EXCERPT]!r}"
-    return ""
+    return f", got {rest.splitlines()[0]!r}" if what == "Expecting value" and rest else ""

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.document_reading import read_document
-from rosbridge_sim.documents import Document, DocumentType, LenientBool, Number, Whole
+from rosbridge_sim.documents import Document, DocumentType, LenientBool, Number, Text, Whole
 from rosbridge_sim.errors import DocumentError
 
 
@@ -16,7 +16,7 @@ class Sample(Document, frozen=True, kw_only=True):
     number: Number = 0.0
     whole: Whole = 0
     flag: LenientBool = False
-    text: str = ""
+    text: Text = ""
 
 
 SAMPLE = DocumentType[Sample](Sample)

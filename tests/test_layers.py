@@ -62,8 +62,7 @@ world: records world.contacts world.drivers world.followers world.geometry world
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
 # files of the user
 documents: *
-document_mistakes: * documents not_json
-document_reading: * document_mistakes documents
+document_reading: * documents not_json
 maps: * document_reading documents units world.geometry world.roads world.state
 scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
@@ -84,7 +83,7 @@ simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain si
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
 simulator.sensors: * document_reading documents graph maps morai.messages scenery schema simulator.bus simulator.kernel
     simulator.plain world.geometry world.state world.vehicle
-simulator.sensor_services: * document_reading graph morai.messages simulator.bus simulator.kernel simulator.plain
+simulator.sensor_services: * graph morai.messages simulator.bus simulator.kernel simulator.plain
     simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
@@ -102,13 +101,14 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
     simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world
     world.state world.vehicle
 # campaigns, without processes and files
-campaigns: * document_mistakes document_reading documents expressions world.state
+campaigns: * document_reading documents expressions world.state
 # outside
 link: * protocol
 client: * link protocol
 shell.config: * graph.gateway graph.ros2 link simulator.bus
 shell.clocks: * graph
-shell.files: * maps morai scenarios schema schema.definitions shell.config simulator.bus simulator.sensors world.state
+shell.files: * document_reading maps morai scenarios schema schema.definitions shell.config simulator.bus
+    simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
@@ -177,13 +177,12 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "graph": {"msgspec", "orjson"},
     "graph.ros2": {"numpy", "rosbags"},
     "world": {"numpy"},
-    "maps": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
+    "maps": {"msgspec", "numpy", "orjson", "pyproj"},
     "scenarios": {"msgspec", "numpy"},
     "scenery": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson"},
     "simulator": {"msgspec", "numpy", "orjson"},
     "documents": {"msgspec"},
-    "document_mistakes": {"msgspec", "pydantic", "pydantic_core"},
     "document_reading": {"msgspec"},
     "errors": set(),
     "loose_types": set(),
@@ -191,7 +190,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "records": {"msgspec"},
     "suggestions": set(),
     "expressions": set(),
-    "campaigns": {"numpy", "pydantic", "pydantic_core"},
+    "campaigns": {"msgspec", "numpy"},
     "not_json": set(),
     "units": set(),
     "long_text": {"pybase64"},

@@ -11,13 +11,14 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from typing import Any, Final
 
 import numpy as np
-from pydantic import ConfigDict, TypeAdapter
-from pydantic_core import from_json, to_json
 
+from rosbridge_sim.document_reading import parse_json
+from rosbridge_sim.documents import read_text
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.mgeo import BORDER_FILES, FILES, INFO_FILE, MAP_FILES
 from rosbridge_sim.maps.mgeo_lights import CROSSWALK_FILES, LIGHT_FILES, light_type, sort_files
+from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.records import Record
 from rosbridge_sim.units import MPS_TO_KMH
@@ -25,9 +26,6 @@ from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.world import DT
-
-_ID: Final[TypeAdapter[str]] = TypeAdapter(str, config=ConfigDict(coerce_numbers_to_str=True))
-"""An id as `Document` reads it."""
 
 UNREAD_FILES: Final = (
     "lane_node_set.json",
@@ -63,7 +61,7 @@ class _Sets(Record):
 
 def _parse(files: Mapping[str, bytes]) -> _Sets:
     def entries(name: str | None) -> JsonValue:
-        return [] if name is None or name not in files else from_json(files[name].removeprefix(b"\xef\xbb\xbf"))
+        return [] if name is None or name not in files else parse_json(files[name], name, MAX_MAP_BYTES)
 
     def entries_of(kind: str) -> JsonValue:
         return entries(roles.get(kind))
@@ -87,16 +85,11 @@ def _parse(files: Mapping[str, bytes]) -> _Sets:
 def _name(entry: Entry, key: str = "idx") -> str:
     """Return an id as the reader takes it: a number is accepted, and a missing one is empty."""
     value = entry.get(key)
-    return "" if value is None else _id_of(value)
+    return "" if value is None else str(read_text(value))
 
 
 def _names(entry: Entry, key: str) -> list[str]:
-    return [_id_of(value) for value in entry.get(key) or ()]
-
-
-def _id_of(value: object) -> str:
-    """Return the text that the reader takes a number for: it writes 7.0 as `7`, unlike Python."""
-    return _ID.validate_json(to_json(value)) if isinstance(value, float) else str(value)
+    return [str(read_text(value)) for value in entry.get(key) or ()]
 
 
 def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:

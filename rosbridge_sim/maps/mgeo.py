@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Final
-
-from msgspec import Meta
+from typing import Final
 
 from rosbridge_sim.document_reading import find_mistakes, read_document
 from rosbridge_sim.documents import Coordinate, Document, DocumentType
@@ -23,7 +21,7 @@ from rosbridge_sim.maps.mgeo_lights import (
     read_crosswalks,
     read_lights,
 )
-from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES, find_lane_mistakes, read_lanes
+from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES, Identifier, find_lane_mistakes, read_lanes
 from rosbridge_sim.maps.mgeo_markings import MARKING_FILE, SIGN_FILE, read_markings, read_signs
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.world.roads.surface import Surface
@@ -40,12 +38,11 @@ BORDER_FILES: Final = ("lane_marking_set.json", "lane_boundary_set.json")
 MAP_FILES: Final = (INFO_FILE, *FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES, MARKING_FILE, SIGN_FILE)
 """All files that `read_mgeo` reads."""
 
-MapText = Annotated[str, Meta(max_length=1_000)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
 class _GlobalInfo(Document, frozen=True, kw_only=True):
-    global_coordinate_system: MapText
+    global_coordinate_system: Identifier
     local_origin_in_global: Point = (0.0, 0.0, 0.0)
 
 

@@ -16,8 +16,8 @@ from typing import Annotated, Any, Final
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import find_mistakes, read_document
-from rosbridge_sim.documents import NUMBER, Coordinate, Document, DocumentType, Mistake, Number, Whole
+from rosbridge_sim.document_reading import Mistake, find_mistakes, read_document
+from rosbridge_sim.documents import Coordinate, Document, DocumentType, Number, Whole, number_within
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, Lanes, read_line
 from rosbridge_sim.maps.road_map import Crosswalk
@@ -44,7 +44,7 @@ DEFAULT_YELLOW: Final = 3.0
 LEFT_TURN: Final = math.radians(40.0)
 """Smallest turn of a lane that is a left or right turn, if the map names no movement [rad]."""
 
-Seconds = Annotated[float, NUMBER, Meta(ge=0.0, le=100_000.0)]
+Seconds = Annotated[float, number_within(0.0, 100_000.0)]
 Names = Annotated[list[Identifier], Meta(max_length=MAX_LINKS)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
@@ -100,7 +100,7 @@ class _Crosswalk(Document, frozen=True, kw_only=True):
 
 class _Stripe(Document, frozen=True, kw_only=True):
     idx: Identifier
-    points: list[tuple[float, float, float]]
+    points: list[tuple[Number, Number, Number]]
     ref_crosswalk_id: Identifier | None = None
 
 

@@ -13,8 +13,8 @@ from typing import Annotated, Final
 import numpy as np
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import find_mistakes, read_document
-from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, LenientBool, Mistake, Number
+from rosbridge_sim.document_reading import Mistake, find_mistakes, read_document
+from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, LenientBool, Number, text_within
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.road_map import Border
@@ -43,7 +43,7 @@ NO_ROADS: Final = frozenset(
 from RoadRunner. Others are roads: numbers of the Korean survey, `Driving`, `DRIVABLE_LANE`, `Parking`, none, and words
 that are unknown."""
 
-Identifier = Annotated[str, Meta(max_length=1_000)]
+Identifier = Annotated[str, text_within(1_000)]
 Identifiers = Annotated[list[Identifier], Meta(max_length=MAX_LINKS)]
 
 
@@ -56,7 +56,7 @@ class _Link(Document, frozen=True, kw_only=True):
     idx: Identifier
     from_node_idx: Identifier | None = None
     to_node_idx: Identifier | None = None
-    points: list[tuple[float, float, float]]
+    points: list[tuple[Number, Number, Number]]
     max_speed: Number | None = None
     lazy_init: LenientBool | None = None
     link_type: KeptAsWritten = None
@@ -74,7 +74,7 @@ class _Link(Document, frozen=True, kw_only=True):
 
 class _Border(Document, frozen=True, kw_only=True):
     idx: Identifier
-    points: list[tuple[float, float, float]]
+    points: list[tuple[Number, Number, Number]]
     lane_type: KeptAsWritten = None
     lane_shape: KeptAsWritten = None
     lane_color: KeptAsWritten = None

@@ -31,7 +31,7 @@ _Point = tuple[Coordinate, Coordinate, Coordinate]
 
 class _Marking(Document, frozen=True, kw_only=True):
     idx: Identifier
-    points: list[tuple[float, float, float]]
+    points: list[tuple[Number, Number, Number]]
     sub_type: Identifier | None = None
 
 

@@ -17,22 +17,21 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import document_schema, find_mistakes, read_document
+from rosbridge_sim.document_reading import Mistake, document_schema, find_mistakes, read_document
 from rosbridge_sim.documents import (
     MAX_DOCUMENT_COORDINATE,
-    NUMBER,
-    WHOLE,
     Coordinate,
     Document,
     DocumentType,
     KeptAsWritten,
     LenientBool,
-    Mistake,
     Number,
     Ratio,
     Whole,
     keys_beside,
+    number_within,
     sort_keys,
+    text_within,
 )
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.suggestions import hint
@@ -52,8 +51,8 @@ MAX_SCENARIO_TEXT: Final = 200
 
 T = TypeVar("T")
 
-ShortText = Annotated[str, Meta(max_length=MAX_SCENARIO_TEXT)]
-Speed = Annotated[float, NUMBER, Meta(ge=-1_000.0, le=1_000.0)]
+ShortText = Annotated[str, text_within(MAX_SCENARIO_TEXT)]
+Speed = Annotated[float, number_within(-1_000.0, 1_000.0)]
 BoundedList = Annotated[list[T], Meta(max_length=MAX_ITEMS)]
 
 
@@ -220,9 +219,9 @@ class LinkInfo(Document, frozen=True, kw_only=True):
     pointIdx: Annotated[Whole | None, Meta(description="number of the point of the link, from 0")] = None
 
 
-Seconds = Annotated[float, NUMBER, Meta(ge=0.0, le=1e6)] | None
-Kmh = Annotated[float, NUMBER, Meta(ge=0.0, le=1_000.0)] | None
-Count = Annotated[int, WHOLE, Meta(ge=0, le=2**31 - 1)]
+Seconds = Annotated[float, number_within(0.0, 1e6)] | None
+Kmh = Annotated[float, number_within(0.0, 1_000.0)] | None
+Count = Annotated[int, number_within(0, 2**31 - 1)]
 
 
 class SpawnPointItem(Document, frozen=True, kw_only=True):
@@ -263,7 +262,7 @@ class SpawnPointItem(Document, frozen=True, kw_only=True):
     MinDesiredVelocity_Custom: Annotated[Kmh, Meta(description="least cruise speed [km/h]")] = None
     MaxDesiredVelocity_Custom: Annotated[Kmh, Meta(description="greatest cruise speed [km/h]")] = None
     SafetyDist: Annotated[
-        Annotated[float, NUMBER, Meta(ge=0.0, le=MAX_DOCUMENT_COORDINATE)] | None,
+        Annotated[float, number_within(0.0, MAX_DOCUMENT_COORDINATE)] | None,
         Meta(description="room before and behind a new vehicle [m]; 5 if absent"),
     ] = None
     TTC: Annotated[Seconds, Meta(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
@@ -315,7 +314,7 @@ class IntersectionState(Document, frozen=True, kw_only=True):
     ]
     state: Annotated[Whole, Meta(description="number of the phase, from 0")] = 0
     deltaTime: Annotated[
-        Annotated[float, NUMBER, Meta(ge=0.0, le=1e12)] | None, Meta(description="time since the phase began [s]")
+        Annotated[float, number_within(0.0, 1e12)] | None, Meta(description="time since the phase began [s]")
     ] = None
 
 
@@ -391,29 +390,5 @@ def why_without_effect(path: Sequence[str | int]) -> str:
 
 
 def scenario_schema() -> dict[str, Any]:
-    """Return the documented subset as a JSON Schema (draft 2020-12).
-
-    Returns:
-        The schema as a JSON object.
-    """
-    schema = _without_noise(document_schema(_DOCUMENT))
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
-
-
-def _without_noise(schema: JsonValue) -> JsonValue:
-    """Return a schema without pydantic's generated titles, and with one `type` for "this or null"."""
-    if isinstance(schema, list):
-        return [_without_noise(item) for item in schema]
-    if not isinstance(schema, dict):
-        return schema
-    plain = {
-        key: _without_noise(value)
-        for key, value in schema.items()
-        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
-    }
-    match plain.get("anyOf"):
-        case [{"type": str() | list() as kind, **rest}, {"type": "null"}]:
-            del plain["anyOf"]
-            kinds = [kind] if isinstance(kind, str) else kind
-            return {"type": [*kinds, "null"], **rest, **plain}
-    return plain
+    """Return the documented subset as a JSON Schema (draft 2020-12)."""
+    return {**document_schema(_DOCUMENT), "title": "Scenario"}

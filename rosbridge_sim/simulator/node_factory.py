@@ -127,7 +127,7 @@ def make_node(
         TrafficLightTopics(context),
         sensors,
         mounted,
-        SensorService(context, mounted, reader),
+        SensorService(context, mounted),
         weather,
         Loads(context, reader, networks, has_traffic=chosen.traffic > 0),
         Services(context),

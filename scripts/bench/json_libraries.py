@@ -1,8 +1,8 @@
 """Comparison of JSON libraries that read and write message bodies, for the choice of one.
 
 Each candidate takes the text of a body and returns the text for the subscribers. msgspec uses our compiled types, with
-all rules: unknown fields are refused, missing ones filled, ranges checked, float32 rounded. pydantic has models with
-the same fields and refuses unknown ones. orjson and the standard library check nothing.
+all rules: unknown fields are refused, missing ones filled, ranges checked, float32 rounded. orjson and the
+standard library check nothing.
 
     ./.venv/bin/python scripts/bench/json_libraries.py [--json FILE]
 """
@@ -14,13 +14,10 @@ import json
 import sys
 import timeit
 from collections.abc import Callable
-from functools import cache
 from pathlib import Path
 from statistics import median
-from typing import Any
 
 import orjson
-from pydantic import BaseModel, ConfigDict, TypeAdapter, create_model
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -43,28 +40,6 @@ SECONDS = 0.02
 
 _store = Store(read_definitions("22.R2"), leniency=LENIENCY)
 
-_SCALARS: dict[str, type] = {"string": str, "bool": bool, "float32": float, "float64": float}
-
-
-class _Stamp(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-    secs: int = 0
-    nsecs: int = 0
-
-
-@cache
-def _model(name: str) -> type[BaseModel]:
-    """Return the pydantic model of a message."""
-    fields: dict[str, Any] = {}  # pydantic's own signature
-    for f in _store.message(name).definition.fields:
-        kind: Any = _model(f.type) if "/" in f.type else _Stamp if f.type == "time" else _SCALARS.get(f.type, int)
-        if f.array is None:
-            fields[f.name] = (kind, kind())
-        else:
-            fields[f.name] = (list[kind], [])
-    model: type[BaseModel] = create_model(name.rpartition("/")[2], __config__=ConfigDict(extra="forbid"), **fields)
-    return model
-
 
 def ways(name: str, text: bytes) -> dict[str, Callable[[], object]]:
     """Return the candidates.
@@ -77,10 +52,8 @@ def ways(name: str, text: bytes) -> dict[str, Callable[[], object]]:
         Name of the library -> function that returns the new text.
     """
     message_type: MessageType = _store.message(name)
-    adapter: TypeAdapter[BaseModel] = TypeAdapter(_model(name))
     return {
         "msgspec, our types": lambda: message_type.encode_json(message_type.decode_json(text, 0)),
-        "pydantic model": lambda: adapter.dump_json(adapter.validate_json(text)),
         "orjson, unchecked": lambda: orjson.dumps(orjson.loads(text)),
         "json, unchecked": lambda: json.dumps(json.loads(text)).encode(),
     }

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from typing import Any, Final, get_args
 
-from pydantic_core import PydanticUndefined
+import msgspec
 
 from rosbridge_sim.campaign_runs.simulator_options import GROUPS, NEED_A_SERVER, OWN_SETTINGS
 from rosbridge_sim.campaigns.campaign_model import (
@@ -21,10 +21,10 @@ from rosbridge_sim.campaigns.campaign_model import (
 )
 from rosbridge_sim.campaigns.run_results import SCORES
 from rosbridge_sim.campaigns.trace import FIGURES
-from rosbridge_sim.document_mistakes import CheckedModel
+from rosbridge_sim.documents import Document, fields_of
 from rosbridge_sim.expressions import FUNCTIONS, RUNNING
 
-_TABLES: Final[tuple[tuple[str, type[CheckedModel]], ...]] = (
+_TABLES: Final[tuple[tuple[str, type[Document]], ...]] = (
     ("The file", CampaignDocument),
     ("`[parameters]`: `NAME = { ... }`, or a list of values", ParameterItem),
     ('`[drivers]`: `NAME = { ... }`, or `"lanes"`, or `"FILE.py:NAME"`', DriverItem),
@@ -129,7 +129,7 @@ def write_campaigns() -> str:
     parts = [_HEAD]
     for title, kind in _TABLES:
         parts.append(f"\n## {title}\n\n| key | default | meaning |\n|---|---|---|\n")
-        parts += [_row(name, field) for name, field in kind.model_fields.items()]
+        parts += [_row(field, fields_of(kind)[field.encode_name]) for field in msgspec.structs.fields(kind)]
     lists = {
         "functions": FUNCTIONS,
         "figures": FIGURES,
@@ -144,16 +144,17 @@ def write_campaigns() -> str:
     return "".join(parts)
 
 
-def _row(name: str, field: Any) -> str:  # noqa: ANN401 - pydantic's FieldInfo
+def _row(field: msgspec.structs.FieldInfo, form: Any) -> str:  # noqa: ANN401 - a type form
     """Return the row of a key."""
-    if field.is_required():
+    plain, *marks = get_args(form)
+    if field.required:
         default = "required"
-    elif field.default is PydanticUndefined:
-        default = '`{ ours = "lanes" }`' if name == "drivers" else ""
-    elif field.default is None:
-        default = "none"
-    else:
+    elif field.name == "drivers":
+        default = '`{ ours = "lanes" }`'
+    elif isinstance(field.default, bool | int | float | str):
         default = f"`{str(field.default).lower() if isinstance(field.default, bool) else field.default}`"
-    choices = [str(value) for value in get_args(field.annotation) if isinstance(value, str)]
+    else:
+        default = "none" if field.default is None else ""
+    choices = [str(value) for value in get_args(plain) if isinstance(value, str)]
     choice = f" ({', '.join(f'`{value}`' for value in choices)})" if len(choices) > 1 else ""
-    return f"| `{field.alias or name}` | {default} | {field.description or ''}{choice} |\n"
+    return f"| `{field.encode_name}` | {default} | {marks[-1].description}{choice} |\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.campaigns.campaign_model import LimitsItem
+from rosbridge_sim.campaigns.campaign_model import read_campaign_document
 from rosbridge_sim.campaigns.drive_limits import read_limits
 from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.trace import FIGURES
@@ -19,7 +19,9 @@ def judged(
     own: dict[str, dict[str, object]], speeds: list[float | None]
 ) -> tuple[OwnLimits, list[tuple[str, float, str]]]:
     """Judge a drive of some frames with a topic that has a value in some of them."""
-    found = OwnLimits(read_limits(LimitsItem.model_validate({"own": own}), KNOWN, KNOWN, "c"))
+    found = OwnLimits(
+        read_limits(read_campaign_document({"scenario": "x", "limits": {"own": own}}, "c").limits, KNOWN, KNOWN, "c")
+    )
     for i, speed in enumerate(speeds, 1):
         values: dict[str, Value] = {"time": i * 0.02, "x": float(i), "y": 0.0}
         if speed is not None:

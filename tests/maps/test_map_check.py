@@ -228,7 +228,7 @@ def test_all_errors_of_all_files_are_reported() -> None:
     assert mistakes(files) == [
         "tiny/global_info.json: global_coordinate_system: missing",
         "tiny/link_set.json: [0].max_speed: expected a number, got 'fast'",
-        "tiny/link_set.json: [3].points[0][2]: missing",
+        "tiny/link_set.json: [3].points[0]: expected a list of 3, got a list of 2",
         "tiny/lane_boundary_set.json: [0].idx: missing",
         "tiny/traffic_light_set.json: [1].heading: expected a number, got 'north'",
         "tiny/crosswalk_set.json: [0].idx: expected a text, got null",
@@ -241,7 +241,7 @@ def test_semantic_errors_and_missing_files_are_reported_separately() -> None:
     ]
     assert mistakes({"node_set.json": []}) == ["maps/tiny: link_set.json is missing"]
     torn = encoded(ROADRUNNER) | {"node_set.json": b"[{]"}
-    assert find_map_mistakes(torn, "maps/tiny") == ["tiny/node_set.json:1:3: not JSON: key must be a string"]
+    assert find_map_mistakes(torn, "maps/tiny") == ["tiny/node_set.json:1:3: not JSON: expected a key in double quotes"]
 
 
 def test_number_of_reported_errors_is_bounded() -> None:

@@ -174,7 +174,7 @@ def with_points(*points: object) -> list[object]:
             {"links": with_points([0, 0, 0], [0, "y", 0])},
             "tiny/link_set.json: [0].points[1][1]: expected a number, got 'y'",
         ),
-        ({"links": with_points([0, 0, 0], [1, 0])}, "tiny/link_set.json: [0].points[1][2]: missing"),
+        ({"links": with_points([0, 0, 0], [1, 0])}, "tiny/link_set.json: [0].points[1]: expected a list of 3"),
         (
             {"links": with_points([0, 0, 0], [1e8, 0, 0])},
             "tiny/link_set.json: [0].points[1]: expected coordinates within",

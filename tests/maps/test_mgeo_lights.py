@@ -291,7 +291,7 @@ def test_unknown_links_are_skipped() -> None:
         (
             "intersection_controller_state.json",
             [{"idx": "x", "TLState": [], "PSState": [[1, 2]]}],
-            "tiny/intersection_controller_state.json: [0].PSState[0][2]: missing",
+            "tiny/intersection_controller_state.json: [0].PSState[0]: expected a list of 5",
         ),
         ("synced_traffic_light_set.json", 5, "tiny/synced_traffic_light_set.json: expected a list, got 5"),
         ("crosswalk_set.json", [{}], "tiny/crosswalk_set.json: [0].idx: missing"),

@@ -92,7 +92,10 @@ def test_missing_keys_of_older_maps_have_defaults() -> None:
     ("borders", "message"),
     [
         ([{"points": []}], "tiny/lane_boundary_set.json: [0].idx: missing"),
-        ([{"idx": "x", "points": [[0, 0]]}], "tiny/lane_boundary_set.json: [0].points[0][2]: missing"),
+        (
+            [{"idx": "x", "points": [[0, 0]]}],
+            "tiny/lane_boundary_set.json: [0].points[0]: expected a list of 3, got a list of 2",
+        ),
         (
             [{"idx": "x", "points": [[0, 0, 0], [1e9, 0, 0]]}],
             "tiny/lane_boundary_set.json: [0].points[1]: expected coordinates within 10,000,000 m",

@@ -93,9 +93,9 @@ def test_reference_to_an_invalid_path_is_not_a_second_error() -> None:
     ("text", "line"),
     [
         (b"", "mine.json: expected a JSON document, got nothing"),
-        (b'{\n "egoVehicle": }', "mine.json:2:16: not JSON: expected value"),
+        (b'{\n "egoVehicle": }', "mine.json:2:16: not JSON: expected a value"),
         (b"[1]", "mine.json: expected an object, got a list of 1"),
-        (b"[" * 5_000, "mine.json:1:202: not JSON: recursion limit exceeded"),
+        (b"[" * 5_000, "mine.json: not JSON: nested too deeply"),
         (b'{"a": 1}', "mine.json: expected a scenario with at least one of mapInfo"),
     ],
     ids=["nothing", "torn", "list", "deep", "other"],

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import logging
 from pathlib import Path
 
+from rosbridge_sim.document_reading import parse_json
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.bounded_read import read_bounded
@@ -43,20 +43,10 @@ def read_sensors(choice: str) -> Rig:
     )
 
     text = read_bounded(path, MAX_SENSORS_BYTES)
-    document = _parse(text)
-    if document is not None and not is_morai_file(document):
-        if not isinstance(document, dict):
-            raise DocumentError(f"{path}: expected an object with a list for each kind of sensor")
+    document = parse_json(text, str(path), MAX_SENSORS_BYTES)
+    if not is_morai_file(document):
         return read_rig(document, str(path))
-    rig, remarks = read_morai_sensors(text, str(path))  # tells where a text is not JSON, too
+    rig, remarks = read_morai_sensors(document, str(path))
     for remark in remarks:
         _log.info("%s: %s", path, remark)
     return rig
-
-
-def _parse(text: bytes) -> object:
-    """Return a JSON value; None if it is none."""
-    try:
-        return json.loads(text.removeprefix(b"\xef\xbb\xbf"))
-    except (ValueError, RecursionError):
-        return None

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from msgspec import Meta
-
-from rosbridge_sim.documents import number_spelling
+from rosbridge_sim.documents import number_within
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.scenery.camera_geometry import MAX_FISHEYE_FOV, FisheyeModel
 from rosbridge_sim.simulator.sensors.picture_sensor import Coefficient, PictureSpec
 from rosbridge_sim.simulator.sensors.sensor_specs import FrameId, TopicName
 
-_WideFov = Annotated[float, number_spelling(1.0, MAX_FISHEYE_FOV), Meta(ge=1.0, le=MAX_FISHEYE_FOV)]
+_WideFov = Annotated[float, number_within(1.0, MAX_FISHEYE_FOV)]
 
 
 class FisheyeSpec(PictureSpec, frozen=True, kw_only=True):

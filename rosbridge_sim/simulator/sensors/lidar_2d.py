@@ -7,9 +7,8 @@ from functools import lru_cache
 from typing import Annotated, ClassVar, Final
 
 import numpy as np
-from msgspec import Meta
 
-from rosbridge_sim.documents import number_spelling
+from rosbridge_sim.documents import number_within
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
@@ -24,8 +23,8 @@ from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId
 MAX_SCAN: Final = 4_096
 """Ranges of a LaserScan: they are numbers of a text in JSON, 0.1 us each."""
 
-_Count = Annotated[int, number_spelling(1, MAX_SCAN, "integer"), Meta(ge=1, le=MAX_SCAN)]
-_Index = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
+_Count = Annotated[int, number_within(1, MAX_SCAN)]
+_Index = Annotated[int, number_within(0, MAX_RAYS)]
 
 
 class Scan(Sighting, eq=False):

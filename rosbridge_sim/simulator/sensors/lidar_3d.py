@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal
 import numpy as np
 from msgspec import Meta
 
-from rosbridge_sim.documents import number_spelling
+from rosbridge_sim.documents import number_within
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
@@ -35,8 +35,8 @@ _VLP_16: Final = 0
 _FLOAT32, _UINT16 = 7, 4
 """Types of a `PointField`."""
 
-_Elevation = Annotated[float, number_spelling(-90.0, 90.0), Meta(ge=-90.0, le=90.0)]
-_Columns = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
+_Elevation = Annotated[float, number_within(-90.0, 90.0)]
+_Columns = Annotated[int, number_within(0, MAX_RAYS)]
 
 
 class Cloud(Sighting, eq=False):

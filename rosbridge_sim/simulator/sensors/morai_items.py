@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
-from rosbridge_sim.documents import Document, KeptAsWritten, Number, Whole
+from rosbridge_sim.documents import Document, KeptAsWritten, Number, Text, Whole
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 
 _UDP: Final = 1
@@ -29,8 +29,8 @@ class _Angles(Document, frozen=True, kw_only=True):
 
 
 class _Ros(Document, frozen=True, kw_only=True):
-    Topic: str = ""
-    frameID: str = ""  # noqa: N815 - MORAI's name
+    Topic: Text = ""
+    frameID: Text = ""  # noqa: N815 - MORAI's name
 
 
 class Block(Document, frozen=True, kw_only=True):

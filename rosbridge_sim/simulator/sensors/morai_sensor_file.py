@@ -15,11 +15,11 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import read_document
+from rosbridge_sim.document_reading import read_values
 from rosbridge_sim.documents import Document, DocumentType
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
-from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, read_rig
+from rosbridge_sim.simulator.sensors.sensor_presets import read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import KINDS, MAX_SENSORS
 
@@ -37,11 +37,11 @@ def is_morai_file(document: object) -> bool:
     return isinstance(document, dict) and any(name in document for name in _LISTS)
 
 
-def read_morai_sensors(text: bytes, source: str) -> tuple[Rig, list[str]]:
+def read_morai_sensors(document: object, source: str) -> tuple[Rig, list[str]]:
     """Read a preset of MORAI.
 
     Args:
-        text: JSON.
+        document: the parsed file.
         source: its name, for errors.
 
     Returns:
@@ -50,22 +50,22 @@ def read_morai_sensors(text: bytes, source: str) -> tuple[Rig, list[str]]:
     Raises:
         DocumentError: one line with the place and the mistake.
     """
-    file = read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES)
-    reading, document = Reading(), dict[str, Any]()
+    file = read_values(_DOCUMENT, document, source)
+    reading, table = Reading(), dict[str, Any]()
 
     def items_of(kind: type[SensorSpec]) -> Iterator[Item]:
         return reading.of_ego(kind.morai_noun, [item for name in kind.morai_lists for item in getattr(file, name)])
 
     for kind in KINDS:
         if not kind.is_on_each_ego:
-            document[kind.kind] = [kind().of_morai(item, reading) for item in items_of(kind)]
+            table[kind.kind] = [kind().of_morai(item, reading) for item in items_of(kind)]
     if num := len(getattr(file, _ULTRASONIC)):
         reading.remarks.append(f"ultrasonic sensors are not simulated: {num} left out")
     for kind in KINDS:
         if kind.is_on_each_ego and (found := list(items_of(kind))):
             if len(found) > 1:
                 reading.remarks.append(f"an ego has one {kind.morai_noun}: {len(found) - 1} left out")
-            document[kind.kind] = kind().of_morai(found[0], reading)
-    if not any(document.values()):
+            table[kind.kind] = kind().of_morai(found[0], reading)
+    if not any(table.values()):
         raise DocumentError(f"{source}: expected sensors, got none")
-    return read_rig(document, source), reading.remarks
+    return read_rig(table, source), reading.remarks

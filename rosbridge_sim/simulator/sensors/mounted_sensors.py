@@ -443,7 +443,7 @@ def _saved_rigs(data: PlainData) -> dict[int, Rig]:
     """
     rigs: dict[int, Rig] = {}
     for index, texts in read_as(tuple[tuple[int, tuple[str, ...]], ...], () if data is None else data, "sensors"):
-        rigs[index] = tuple(spec for text in texts for spec in read_rig_text(text, "sensors", is_quick=True))
+        rigs[index] = tuple(spec for text in texts for spec in read_rig_text(text, "sensors"))
         check_rig(rigs[index])
     return rigs
 

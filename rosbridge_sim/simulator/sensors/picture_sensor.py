@@ -8,9 +8,8 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from msgspec import Meta
 
-from rosbridge_sim.documents import number_spelling
+from rosbridge_sim.documents import LenientBool, number_within
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.camera_geometry import CameraModel, mount
@@ -28,9 +27,9 @@ from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETEC
 MAX_SIDE: Final = 8192
 """Longest side of a picture [pixels]: the least of what OpenGL 4.1 promises is 16,384, with room for antialiasing."""
 
-_Side = Annotated[int, number_spelling(1, MAX_SIDE, "integer"), Meta(ge=1, le=MAX_SIDE)]
-_Quality = Annotated[int, number_spelling(1, 100, "integer"), Meta(ge=1, le=100)]
-Coefficient = Annotated[float, number_spelling(-1.0, 1.0), Meta(ge=-1.0, le=1.0)]
+_Side = Annotated[int, number_within(1, MAX_SIDE)]
+_Quality = Annotated[int, number_within(1, 100)]
+Coefficient = Annotated[float, number_within(-1.0, 1.0)]
 
 
 class _Form(NamedTuple):
@@ -112,9 +111,9 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
     picture: Literal["rgb", "depth", "semantic", "instance"] = "rgb"
     encoding: Literal["jpeg", "raw"] = "jpeg"
     quality: _Quality = 90
-    antialiasing: bool = True
+    antialiasing: LenientBool = True
     distortion: tuple[float, ...] = ()
-    detections: bool = False
+    detections: LenientBool = False
 
     def __post_init__(self) -> None:
         """Give another picture than a JPEG a topic of its own, unless it has one."""

@@ -24,9 +24,8 @@ import math
 from typing import Annotated, Final
 
 import numpy as np
-from msgspec import Meta
 
-from rosbridge_sim.documents import number_spelling
+from rosbridge_sim.documents import number_within
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.sensors.sensor_specs import Fov, MountedSpec, Range
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion, Vector, chain, quaternion, rotate
@@ -56,7 +55,7 @@ MIN_VISIBLE: Final = 0.1
 MAX_COMPARED: Final = 300
 """Boxes that may hide each other or give echoes, the nearest first; the others are out of sight in any such crowd."""
 
-_Echoes = Annotated[int, number_spelling(1, 1000, "integer"), Meta(ge=1, le=1000)]
+_Echoes = Annotated[int, number_within(1, 1000)]
 
 _UNITS: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

@@ -14,8 +14,8 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import document_schema, learn_mistakes, read_document
-from rosbridge_sim.documents import Document, DocumentType, keys_beside, sort_keys
+from rosbridge_sim.document_reading import document_schema, parse_json, read_values
+from rosbridge_sim.documents import DocumentType, Table
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.fisheye_camera import FisheyeSpec
@@ -24,7 +24,6 @@ from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import KINDS, MAX_SENSORS, check_rig
-from rosbridge_sim.suggestions import hint
 
 MAX_SENSORS_BYTES: Final = 1 << 20
 """Longest file [bytes]; MORAI writes about 2 kB for a sensor."""
@@ -73,7 +72,7 @@ SensorList: Final[Any] = msgspec.defstruct(
         (kind.kind, *((kind | None, None) if kind.is_on_each_ego else (Annotated[tuple[kind, ...], _MANY], ())))  # type: ignore[valid-type] # of the table
         for kind in KINDS
     ],
-    bases=(Document,),
+    bases=(Table,),
     namespace={"__doc__": "The sensors of an ego, by kind."},
     module=__name__,
     frozen=True,
@@ -83,32 +82,18 @@ SensorList: Final[Any] = msgspec.defstruct(
 _DOCUMENT: Final = DocumentType[Any](SensorList)
 
 
-def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False) -> Rig:
+def read_rig(document: Mapping[str, Any], source: str) -> Rig:
     """Read a file of ours.
 
     Args:
         document: the parsed file.
         source: its name, for errors.
-        is_quick: see `read_document`; `learn_rig_mistakes` is what to call then.
 
     Raises:
-        DocumentError: one line with the place, what was expected, and what came.
-        MistakeNotReadyError: see `is_quick`.
+        DocumentError: one line with the place, what was expected, and what came; or an ego cannot have these sensors
+            together.
     """
-    for path in sort_keys(SensorList, document).passed_over:
-        key = path.rpartition(".")[2]
-        known = keys_beside(SensorList, path)
-        raise DocumentError(f"{source}: {path}: expected one of {', '.join(known)}{hint(key, known)}")
-    text = json.dumps(document, default=str).encode()  # a date of TOML is no value of any key
-    return _rig_of(read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES, is_quick=is_quick), source)
-
-
-def _rig_of(sensors: Document, source: str) -> Rig:
-    """Return the sensors of a list that was read, in the order of their numbers.
-
-    Raises:
-        DocumentError: an ego cannot have these sensors together.
-    """
+    sensors = read_values(_DOCUMENT, document, source)
     rig: list[SensorSpec] = []
     for kind in KINDS:
         found = getattr(sensors, kind.kind)
@@ -135,24 +120,17 @@ def text_of(spec: SensorSpec) -> str:
     return json.dumps(document_of(spec))
 
 
-def read_rig_text(text: str, where: str, *, is_quick: bool = False) -> Rig:
+def read_rig_text(text: str, where: str) -> Rig:
     """Read the JSON of a file of ours.
 
     Args:
         text: JSON.
         where: its name, for errors.
-        is_quick: see `read_rig`.
 
     Raises:
         DocumentError: it is no such text.
-        MistakeNotReadyError: see `is_quick`.
     """
-    return read_rig(parse_object(text, where), where, is_quick=is_quick)
-
-
-def learn_rig_mistakes() -> None:
-    """Make what words the mistakes of these files; see `learn_mistakes`."""
-    learn_mistakes(_DOCUMENT)
+    return read_rig(parse_object(text, where), where)
 
 
 def parse_object(text: str, where: str) -> dict[str, Any]:
@@ -168,10 +146,7 @@ def parse_object(text: str, where: str) -> dict[str, Any]:
     num = sum(map(text.count, "[{,"))
     if num > MAX_PARTS:
         raise DocumentError(f"{where}: expected at most {MAX_PARTS:,} objects, lists and values, got {num:,}")
-    try:
-        values = json.loads(text)
-    except (ValueError, RecursionError):
-        raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}") from None
+    values = parse_json(text.encode(), where, MAX_SENSORS_BYTES)
     if not isinstance(values, dict):
         raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}")
     return values
@@ -179,4 +154,4 @@ def parse_object(text: str, where: str) -> dict[str, Any]:
 
 def rig_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of these files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document_schema(_DOCUMENT)}
+    return document_schema(_DOCUMENT)

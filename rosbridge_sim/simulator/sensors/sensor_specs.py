@@ -15,9 +15,7 @@ import math
 import re
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
-from msgspec import Meta
-
-from rosbridge_sim.documents import Document, Spelling, number_spelling
+from rosbridge_sim.documents import Table, number_within, text_within
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP, ODOM, WHEEL_FRAMES
@@ -65,14 +63,14 @@ def _check_topic(value: str) -> None:
         raise ValueError("expected the name of a topic, such as /lidar3D, at most 100 characters")
 
 
-FrameId = Annotated[str, Spelling(check=_check_frame, schema={"type": "string", "pattern": f"^{_FRAME_ID.pattern}$"})]
-TopicName = Annotated[str, Spelling(check=_check_topic, schema={"type": "string", "pattern": f"^{_TOPIC.pattern}$"})]
-_Metres = Annotated[float, number_spelling(-MAX_LEVER, MAX_LEVER), Meta(ge=-MAX_LEVER, le=MAX_LEVER)]
-_Degrees = Annotated[float, number_spelling(-360.0, 360.0), Meta(ge=-360.0, le=360.0)]
-Rate = Annotated[float, number_spelling(MIN_RATE, FRAME_RATE), Meta(ge=MIN_RATE, le=FRAME_RATE)]
-Range = Annotated[float, number_spelling(0.1, MAX_RANGE), Meta(ge=0.1, le=MAX_RANGE)]
-Near = Annotated[float, number_spelling(0.0, MAX_RANGE), Meta(ge=0.0, le=MAX_RANGE)]
-Fov = Annotated[float, number_spelling(1.0, MAX_FOV), Meta(ge=1.0, le=MAX_FOV)]
+FrameId = Annotated[str, text_within(check=_check_frame, pattern=f"^{_FRAME_ID.pattern}$")]
+TopicName = Annotated[str, text_within(check=_check_topic, pattern=f"^{_TOPIC.pattern}$")]
+_Metres = Annotated[float, number_within(-MAX_LEVER, MAX_LEVER)]
+_Degrees = Annotated[float, number_within(-360.0, 360.0)]
+Rate = Annotated[float, number_within(MIN_RATE, FRAME_RATE)]
+Range = Annotated[float, number_within(0.1, MAX_RANGE)]
+Near = Annotated[float, number_within(0.0, MAX_RANGE)]
+Fov = Annotated[float, number_within(1.0, MAX_FOV)]
 
 
 class Cost(NamedTuple):
@@ -89,7 +87,7 @@ class Cost(NamedTuple):
     num_bytes: int = 0
 
 
-class SensorSpec(Document, frozen=True, kw_only=True):
+class SensorSpec(Table, frozen=True, kw_only=True):
     """One sensor of an ego.
 
     Attributes:

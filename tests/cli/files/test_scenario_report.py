@@ -241,7 +241,7 @@ def test_picture_shows_all_entities(folder: Path) -> None:
         ),
         (b"[1, 2]", "expected an object, got a list of 2"),
         (b'"hi"', "expected an object, got 'hi'"),
-        (b"[" * 100_000, "{}:1:202: not JSON: recursion limit exceeded"),
+        (b"[" * 100_000, "not JSON: nested too deeply"),
         (b'{"egoVehicle": [1]}', "egoVehicle: expected an object, got a list of 1"),
         (b'{"vehicleList": {"a": 1}}', "vehicleList: expected a list, got an object"),
         (
@@ -300,7 +300,7 @@ def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "torn.json"))
     assert (done.code, done.err) == (1, "")
     assert done.lines[0] == f"{folder}/torn.json: 1 mistake"
-    assert done.lines[3] == f"  {folder}/torn.json:2:1: not JSON: trailing comma"
+    assert done.lines[3] == f"  {folder}/torn.json:1:17: not JSON: trailing comma"
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_preset_of_morai_is_read_with_its_remarks(tmp_path: Path, caplog: pytest
 @pytest.mark.parametrize(
     ("text", "mistake"),
     [
-        ("[[camera]]\nfow = 3", "camera[].fow: expected one of "),
+        ("[[camera]]\nfow = 3", "camera[0].fow: expected one of "),
         ("[[camera]]\nwidht = 3", "(did you mean width?)"),
         (
             "[[camer]]",

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -51,7 +50,7 @@ LIDAR = item(
 
 
 def read(**lists: Any) -> tuple[tuple[Any, ...], list[str]]:  # noqa: ANN401 - JSON
-    return read_morai_sensors(json.dumps(lists).encode(), "saved.json")
+    return read_morai_sensors(lists, "saved.json")
 
 
 def test_camera_of_a_saved_preset() -> None:

@@ -488,7 +488,7 @@ def test_sensors_are_added_moved_and_removed() -> None:
     ("request_", "text"),
     [
         ({"ego": 7}, "ego: expected the number of an ego, one of 0; got 7"),
-        ({"add": "camera"}, "add: expected a JSON object, got 'camera'"),
+        ({"add": "camera"}, "add:1:1: not JSON: expected a value, got 'camera'"),
         ({"add": '{"camera": [{"fov": 180}]}'}, "add: camera[0].fov: expected at most 170, got 180"),
         ({"add": '{"camera": [{"width": NaN}]}'}, "add: "),
         ({"add": '{"camera": [{"rate": 1000}]}'}, "rate: expected at most 50, got 1000"),
