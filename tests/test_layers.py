@@ -101,7 +101,7 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
     simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world
     world.state world.vehicle
 # campaigns, without processes and files
-campaigns: * document_reading documents expressions world.state
+campaigns: * document_reading documents expressions world.geometry world.state
 # outside
 link: * protocol
 client: * link protocol

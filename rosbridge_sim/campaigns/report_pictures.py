@@ -7,6 +7,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
+from rosbridge_sim.world.geometry.planar import box_at
+
 _WIDTH: Final = 420
 _CURVE_HEIGHT: Final = 108
 _TOP: Final = 20
@@ -47,7 +49,7 @@ def draw_scene(trace: Mapping[str, Sequence[float]], scene: Mapping[str, Any], l
     parts.append(f'<polyline class="way" stroke-width="2" points="{points}"/>')
     for box in _last_boxes(scene):
         uid, x, y, yaw, half_length, half_width, centre, _kind = box
-        corners = _corners((x, y, yaw), half_length, half_width, centre)
+        corners = box_at((x, y, yaw), half_length, half_width, centre)
         name = "ego" if uid == 0 else "other"
         parts.append(f'<polygon class="{name}" points="{" ".join(at(*corner) for corner in corners)}"/>')
     bar = 20.0 * scale
@@ -58,18 +60,6 @@ def draw_scene(trace: Mapping[str, Sequence[float]], scene: Mapping[str, Any], l
 def _last_boxes(scene: Mapping[str, Any]) -> Iterable[Sequence[float]]:
     neighbours = scene.get("neighbours") or ()
     return neighbours[-1][1] if neighbours else ()
-
-
-def _corners(
-    pose: tuple[float, float, float], half_length: float, half_width: float, centre: float
-) -> list[tuple[float, float]]:
-    x, y, yaw = pose
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    found = []
-    for along, across in ((1, 1), (1, -1), (-1, -1), (-1, 1)):
-        forward, left = centre + along * half_length, across * half_width
-        found.append((x + forward * cos - left * sin, y + forward * sin + left * cos))
-    return found
 
 
 def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit: str, mark: float | None) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw
 
+from rosbridge_sim.world.geometry.planar import box_at
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 
@@ -20,8 +21,8 @@ _COLOURS: Final = {
     Kind.OBSTACLE: (90, 90, 90),
 }
 
-_BAY: Final = ((2.5, 1.25), (2.5, -1.25), (-2.5, -1.25), (-2.5, 1.25))
-"""Corners of a bay, forward and left of its middle [m]."""
+_BAY: Final = (2.5, 1.25)
+"""Half the length and half the width of a bay [m]."""
 
 
 def draw(worlds: DrivableWorlds, number: int, goals: npt.NDArray[np.float64] | None = None) -> npt.NDArray[Any]:
@@ -48,23 +49,14 @@ def draw(worlds: DrivableWorlds, number: int, goals: npt.NDArray[np.float64] | N
     for lane in near:
         line = roads.points[parts[lane], :2]
         pen.line(on_picture(line), fill=(200, 202, 205), width=int(roads.width[lane] * PIXELS_PER_METRE))
+    edges = roads.edge_lines()[:2]
     for lane in near:
-        line, border = roads.points[parts[lane], :2], roads.border[parts[lane]]
-        along = np.gradient(line, axis=0)
-        left = along[:, ::-1] * (-1.0, 1.0) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
-        for edge in (line + border[:, :1] * left, line - border[:, 1:] * left):
-            pen.line(on_picture(edge), fill=(225, 227, 230), width=1)
-    for x, y, yaw in () if goals is None else goals[np.isfinite(goals[:, 0])].tolist():
-        along, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
-        corners = [np.array([x, y]) + a * along + b * left for a, b in _BAY]
-        pen.polygon(on_picture(np.array(corners)), outline=_COLOURS[Kind.EGO], width=3)
+        for edge in edges:
+            pen.line(on_picture(edge[parts[lane], :2]), fill=(225, 227, 230), width=1)
+    for pose in () if goals is None else goals[np.isfinite(goals[:, 0])].tolist():
+        pen.polygon(on_picture(np.array(box_at(tuple(pose), *_BAY))), outline=_COLOURS[Kind.EGO], width=3)
     for row in world.alive.nonzero()[0].tolist():
-        yaw, centre = world.yaw[row], world.centre[row]
-        along, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
-        place = np.array([world.x[row], world.y[row]]) + centre * along
-        corners = [
-            place + a * world.half_length[row] * along + b * world.half_width[row] * left
-            for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
-        ]
+        pose = (world.x.item(row), world.y.item(row), world.yaw.item(row))
+        corners = box_at(pose, world.half_length.item(row), world.half_width.item(row), world.centre.item(row))
         pen.polygon(on_picture(np.array(corners)), fill=_COLOURS[Kind(int(world.kind[row]))])
     return np.asarray(image)

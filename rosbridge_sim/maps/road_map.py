@@ -81,6 +81,28 @@ class Crosswalk(Record, eq=False):
     lights: tuple[int, ...] = ()
 
 
+def stripes_of(outline: FloatArray, begin: float = 0.25) -> FloatArray | None:
+    """Return the stripes of a part of a crosswalk: as wide as the gaps, 0.5 m, along the driving direction.
+
+    Args:
+        outline: (k, 2 or 3) corners; the first may stand again at the end [m].
+        begin: of a stripe, in its metre of the crosswalk.
+
+    Returns:
+        (m, 4, 2 or 3) corners of the stripes in the order of the outline's; None if it has not four corners.
+    """
+    if len(outline) > 1 and (outline[0] == outline[-1]).all():
+        outline = outline[:-1]
+    if len(outline) != 4:  # noqa: PLR2004 - a rectangle's
+        return None
+    sides = np.hypot(*(np.roll(outline, -1, axis=0) - outline)[:, :2].T)
+    # People walk from a to b, and in parallel from d to c.
+    a, b, c, d = np.roll(outline, -1, axis=0) if sides[0] + sides[2] < sides[1] + sides[3] else outline
+    num = max(1, round(float(np.hypot(*(b - a)[:2]))))
+    start, end = (((np.arange(num) + share) / num)[:, None] for share in (begin, begin + 0.5))
+    return np.stack([a + start * (b - a), a + end * (b - a), d + end * (c - d), d + start * (c - d)], axis=1)
+
+
 class Marking(Record, eq=False):
     """An area that is painted on the road, such as an arrow: for drawings.
 

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.maps.road_map import Border
-from rosbridge_sim.scenery.lines import across, take_at
 from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_surface import sample_lane
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -37,12 +37,7 @@ def guess_borders(roads: Roads, cover: RoadCover) -> list[Border]:
     """
     borders = []
     for lane in range(len(roads)):
-        rows = slice(int(roads.first[lane]), int(roads.first[lane + 1]))
-        length = float(roads.length[lane])
-        arcs = np.linspace(0.0, length, max(round(length / STEP), 1) + 1)
-        points = take_at(roads.points[rows], arcs)
-        edges = take_at(np.column_stack([roads.points[rows, :2], roads.border[rows]]), arcs)[:, 2:]
-        side = across(points)
+        points, side, edges, _ = sample_lane(roads, lane, STEP)
         yaw = np.arctan2(-side[:, 0], side[:, 1])
         for i, sign in enumerate((1.0, -1.0)):
             out = np.column_stack([sign * side, np.zeros(len(side))])

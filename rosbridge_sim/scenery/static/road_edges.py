@@ -12,12 +12,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rosbridge_sim.scenery.lines import across, runs_of, sample_arcs, strip, take_at
+from rosbridge_sim.scenery.lines import runs_of, sample_arcs, strip
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
-from rosbridge_sim.scenery.static.road_surface import ASPHALT, SHOULDER, lane_rows
+from rosbridge_sim.scenery.static.road_surface import ASPHALT, SHOULDER, sample_lane
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -156,15 +156,10 @@ class _Room(NamedTuple):
 
 def _edges_of(roads: Roads, lane: int) -> tuple[_Edge, _Edge]:
     """Return the left and the right edge of a lane, at places about `STEP` apart."""
-    line, borders, bank = lane_rows(roads, lane)
-    length = float(roads.length[lane])
-    arcs = np.linspace(0.0, length, max(round(length / STEP), 2) + 1)
-    points = take_at(line, arcs)
-    edges = take_at(np.column_stack([line[:, :2], borders, bank]), arcs)[:, 2:]
-    side = across(points)
+    points, side, border, bank = sample_lane(roads, lane, STEP, 2)
     return (
-        _Edge(points, side, edges[:, 0] + SHOULDER, edges[:, 2], left=True),
-        _Edge(points, -side, edges[:, 1] + SHOULDER, -edges[:, 3], left=False),
+        _Edge(points, side, border[:, 0] + SHOULDER, bank[:, 0], left=True),
+        _Edge(points, -side, border[:, 1] + SHOULDER, -bank[:, 1], left=False),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.maps.road_map import Border, Crosswalk, RoadMap
+from rosbridge_sim.maps.road_map import Border, Crosswalk, RoadMap, stripes_of
 from rosbridge_sim.scenery.lines import across, cut_dashes, sample_arcs, strip, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
@@ -42,9 +42,6 @@ FAST: Final = 80.0 / 3.6
 
 LINE_LIFT, AREA_LIFT = 0.004, 0.006
 """Paint is so high above the asphalt [m]: 2 to 3 mm on real roads, and crossing paint must not share a plane."""
-
-ZEBRA, ZEBRA_GAP = 0.5, 0.5
-"""Width of the bars of a crosswalk, and of the gap between two [m]."""
 
 STOP_NEAR: Final = 5.0
 """A lane with a stop whose end is nearer than this to a painted stop line needs no other [m]."""
@@ -129,18 +126,11 @@ def _add_crosswalk(builder: MeshBuilder, crosswalk: Crosswalk) -> None:
     """Add the bars of a crosswalk, which lie along the road, across the longer side of each part."""
     for outline in crosswalk.outlines:
         corners = four_corners(outline)
-        if corners is None:
+        quads = None if corners is None else stripes_of(corners)
+        if quads is None:
             continue
-        lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-        if lengths[0] + lengths[2] < lengths[1] + lengths[3]:
-            corners = np.roll(corners, -1, axis=0)
-        a, b, c, d = corners  # a to b and d to c are the long sides
-        length = float(np.linalg.norm(b - a))
-        bars = cut_dashes(length, ZEBRA, ZEBRA_GAP) / max(length, 1e-6)
-        start, end = bars[:, :1], bars[:, 1:]
-        quads = np.stack([a + start * (b - a), a + end * (b - a), d + end * (c - d), d + start * (c - d)], axis=1)
         quads[..., 2] += AREA_LIFT
-        if np.cross(b - a, d - a)[2] < 0.0:
+        if np.cross(quads[0, 1] - quads[0, 0], quads[0, 3] - quads[0, 0])[2] < 0.0:
             quads = quads[:, ::-1]
         builder.add_quads(quads, WHITE, Label.CROSSWALK)
 
@@ -168,6 +158,7 @@ def _add_stop_lines(builder: MeshBuilder, roads: Roads, painted: Sequence[Border
     """Add stop lines at the ends of lanes with a stop where the map has no painted one."""
     starts = np.concatenate([np.zeros((0, 2)), *(border.line[:-1, :2] for border in painted)])
     steps = np.concatenate([np.zeros((0, 2)), *(np.diff(border.line[:, :2], axis=0) for border in painted)])
+    left, right, ahead = roads.edge_lines()
     for lane in np.flatnonzero(roads.is_stop).tolist():
         last = int(roads.first[lane + 1]) - 1
         end = roads.points[last]
@@ -175,10 +166,6 @@ def _add_stop_lines(builder: MeshBuilder, roads: Roads, painted: Sequence[Border
         share = np.clip((away * steps).sum(axis=1) / np.maximum(np.square(steps).sum(axis=1), 1e-9), 0.0, 1.0)
         if (np.hypot(*(away - share[:, None] * steps).T) < STOP_NEAR).any():
             continue
-        back = (roads.points[last] - roads.points[last - 1])[:2]
-        back = back / np.hypot(*back)
-        left = np.array([-back[1], back[0]])
-        middle = end[:2] - 0.5 * STOP_WIDTH * back
-        ends = np.array([middle + roads.border[last, 0] * left, middle - roads.border[last, 1] * left])
-        line = np.column_stack([ends, np.full(2, end[2])])
+        line = np.array([left[last], right[last]])
+        line[:, :2] -= 0.5 * STOP_WIDTH * ahead[last]
         _add_line(builder, line, width=STOP_WIDTH, dashes=None, colour=WHITE, label=Label.STOP_LINE)

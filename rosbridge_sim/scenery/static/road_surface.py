@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -25,15 +25,11 @@ OVERLAP: Final = 0.2
 def add_asphalt(builder: MeshBuilder, roads: Roads) -> None:
     """Add the surface of all lanes."""
     for lane in range(len(roads)):
-        line, borders, bank = lane_rows(roads, lane)
-        arcs = sample_arcs(line)
-        points = take_at(line, arcs)
-        edges = take_at(np.column_stack([line[:, :2], borders, bank]), arcs)[:, 2:]
-        side = across(points)
+        points, side, border, bank = sample_lane(roads, lane)
         for end, inner in ((0, 1), (-1, -2)):
             outwards = points[end] - points[inner]
             points[end] += OVERLAP / np.hypot(*outwards[:2]) * outwards
-        left, right = (beside(points, side, edges[:, i] + SHOULDER, edges[:, 2 + i], i) for i in (0, 1))
+        left, right = (beside(points, side, border[:, i] + SHOULDER, bank[:, i], i) for i in (0, 1))
         middle_left, middle_right = strip(left, points), strip(points, right)
         if bank.any():
             builder.add(*middle_left, ASPHALT, Label.ASPHALT)
@@ -42,10 +38,34 @@ def add_asphalt(builder: MeshBuilder, roads: Roads) -> None:
             builder.add(*strip(left, right), ASPHALT, Label.ASPHALT)
 
 
-def lane_rows(roads: Roads, lane: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the line of a lane, the distances of its edges and its banks."""
+class LaneSample(NamedTuple):
+    """Places along a lane.
+
+    Attributes:
+        points: (k, 3) on its line [m].
+        side: (k, 2) unit vectors to the left.
+        border: (k, 2) distances of the left and the right edge [m].
+        bank: (k, 2) see `Roads.bank`.
+    """
+
+    points: FloatArray
+    side: FloatArray
+    border: FloatArray
+    bank: FloatArray
+
+
+def sample_lane(roads: Roads, lane: int, step: float | None = None, least: int = 1) -> LaneSample:
+    """Return places along a lane, about `step` apart in at least so many pieces; None for those that its bends need."""
     rows = slice(int(roads.first[lane]), int(roads.first[lane + 1]))
-    return roads.points[rows], roads.border[rows], roads.bank[rows]
+    line = roads.points[rows]
+    if step is None:
+        arcs = sample_arcs(line)
+    else:
+        length = float(roads.length[lane])
+        arcs = np.linspace(0.0, length, max(round(length / step), least) + 1)
+    figures = take_at(np.column_stack([line, roads.border[rows], roads.bank[rows]]), arcs)
+    points = figures[:, :3].copy()
+    return LaneSample(points, across(points), figures[:, 3:5], figures[:, 5:])
 
 
 def beside(points: FloatArray, side: FloatArray, offset: FloatArray, bank: FloatArray, i: int) -> FloatArray:

@@ -18,11 +18,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.extent import find_bulk, find_far_lanes
-from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.maps.road_map import RoadMap, stripes_of
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.suggestions import listing
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, outline_at
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind
 
@@ -248,12 +248,8 @@ def _line_of(roads: Roads, lane: int) -> FloatArray:
 
 def _sides(roads: Roads, lane: int) -> tuple[FloatArray, FloatArray]:
     """Return the left and the right edge of a lane, (k, 2) each [m]."""
-    line = _line_of(roads, lane)[:, :2]
-    border = roads.border[roads.first[lane] : roads.first[lane + 1]]
-    step = np.gradient(line, axis=0)
-    step /= np.maximum(np.hypot(step[:, 0], step[:, 1]), 1e-9)[:, None]
-    normal = np.stack((-step[:, 1], step[:, 0]), axis=-1)
-    return line + border[:, :1] * normal, line - border[:, 1:] * normal
+    rows, (left, right, _) = slice(roads.first[lane], roads.first[lane + 1]), roads.derived(Roads.edge_lines)
+    return left[rows, :2], right[rows, :2]
 
 
 def _draw_lane(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int, colour: str) -> None:
@@ -273,18 +269,8 @@ def _draw_stripes(pen: ImageDraw.ImageDraw, view: _View, outline: FloatArray) ->
     """Draw a crosswalk: its outline, and stripes along the driving direction if it has four corners."""
     corners = outline[:, :2]
     pen.polygon(view.place(corners), outline=STRIPES, width=FINE)
-    if len(corners) > 1 and (corners[0] == corners[-1]).all():
-        corners = corners[:-1]
-    if len(corners) != 4:  # noqa: PLR2004 - a rectangle's
-        return
-    sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
-    if sides[0] + sides[2] < sides[1] + sides[3]:
-        corners = np.roll(corners, -1, axis=0)
-    a, b, c, d = corners  # people walk from a to b, and in parallel from d to c
-    num = max(1, round(float(np.hypot(*(b - a)))))
-    for i in range(num):
-        first, last = (i + 0.15) / num, (i + 0.65) / num
-        stripe = np.array([a + first * (b - a), a + last * (b - a), d + last * (c - d), d + first * (c - d)])
+    stripes = stripes_of(corners, begin=0.15)
+    for stripe in () if stripes is None else stripes:
         pen.polygon(view.place(stripe), fill=STRIPES)
 
 
@@ -313,9 +299,7 @@ _LIGHT: Final = ((-0.3, 0.5), (0.7, 0.0), (-0.3, -0.5))
 
 def _shape(point: FloatArray, yaw: float, size: float, outline: Sequence[tuple[float, float]]) -> FloatArray:
     """Return an outline, (k, 2), turned by `yaw` and moved to a point of the map [m]."""
-    turn = complex(math.cos(yaw), math.sin(yaw)) * size
-    corners = [complex(point[0], point[1]) + turn * complex(x, y) for x, y in outline]
-    return np.array([(corner.real, corner.imag) for corner in corners])
+    return np.array(outline_at((point.item(0), point.item(1), yaw), [(size * x, size * y) for x, y in outline]))
 
 
 def _draw_stop_line(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int) -> None:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.maps.road_map import RoadMap, stripes_of
 from rosbridge_sim.simulator.markers.markers import COLOURS, MarkerMaker, MarkerShape
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -36,9 +36,6 @@ STOP_WIDTH: Final = 0.4
 
 POST_WIDTH: Final = 0.15
 """Width of a light's post [m]."""
-
-STRIPE: Final = 0.5
-"""Width of a stripe of a crosswalk, and of the gap after it [m]."""
 
 LIFT: Final = 0.03
 """Height of paint above the road [m]: otherwise viewers draw both at the same height, which flickers."""
@@ -98,7 +95,7 @@ def _road(road_map: RoadMap, budget: int) -> Iterator[tuple[str, str, MarkerShap
         yield "lanes", "road", MarkerShape.LINE_LIST, _pairs(roads.points[starts], roads.points[ends])
         return
     ends = _next(kept)[starts]
-    left, right = _sides(roads)
+    left, right, _ = roads.derived(Roads.edge_lines)
     for colour, chosen in (("road", ~is_inside[lanes]), ("inside", is_inside[lanes])):
         first, last = starts[chosen], ends[chosen]
         yield "lanes", colour, MarkerShape.TRIANGLES, _quads(left[first], right[first], right[last], left[last])
@@ -167,18 +164,6 @@ def _longest(starts: IntArray, lines: IntArray, length: FloatArray, most: int) -
     return starts[fits[lines]], lines[fits[lines]]
 
 
-def _sides(roads: Roads) -> tuple[FloatArray, FloatArray]:
-    """Return the left and the right edge at each point of all lanes, (n, 3) each [m]."""
-    points, n = roads.points, len(roads.points)
-    before, after = np.arange(n) - 1, np.arange(n) + 1
-    before[roads.first[:-1]] += 1
-    after[roads.first[1:] - 1] -= 1
-    ahead = points[after, :2] - points[before, :2]
-    ahead /= np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)[:, None]
-    across = np.stack([-ahead[:, 1], ahead[:, 0], np.zeros(n)], axis=-1)
-    return points + roads.border[:, :1] * across, points - roads.border[:, 1:] * across
-
-
 def _pairs(first: FloatArray, last: FloatArray) -> FloatArray:
     """Return the ends of lines, (2k, 3), from two times (k, 3)."""
     return np.stack([first, last], axis=1).reshape(-1, 3)
@@ -228,7 +213,7 @@ def _stop_lines(roads: Roads) -> FloatArray:
     """Return the ends of the stop lines, (2k, 3) [m]."""
     if not len(roads):
         return np.empty((0, 3))
-    left, right = _sides(roads)
+    left, right, _ = roads.derived(Roads.edge_lines)
     last = roads.first[1:][roads.is_stop] - 1
     ends = _pairs(left[last], right[last])
     ends[:, 2] += 2 * LIFT
@@ -245,18 +230,11 @@ def _crosswalks(road_map: RoadMap) -> FloatArray:
 
 def _stripes(outline: FloatArray) -> FloatArray:
     """Return the triangles of a crosswalk: stripes along the driving direction, or all of it if it is no rectangle."""
-    corners = outline[:-1] if len(outline) > 1 and (outline[0] == outline[-1]).all() else outline
-    if len(corners) != 4:  # noqa: PLR2004 - a rectangle's
-        fan = [(corners[0], b, c) for b, c in pairwise(corners[1:])]
-        return np.array(fan).reshape(-1, 3)
-    sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners)[:, :2].T)
-    if sides[0] + sides[2] < sides[1] + sides[3]:
-        corners = np.roll(corners, -1, axis=0)
-    a, b, c, d = corners  # people walk from a to b, and in parallel from d to c
-    num = max(1, round(float(np.hypot(*(b - a)[:2])) / (2.0 * STRIPE)))
-    start = ((np.arange(num) + 0.25) / num)[:, None]
-    end = ((np.arange(num) + 0.75) / num)[:, None]
-    return _quads(a + start * (b - a), a + end * (b - a), d + end * (c - d), d + start * (c - d))
+    stripes = stripes_of(outline)
+    if stripes is None:
+        corners = outline[:-1] if len(outline) > 1 and (outline[0] == outline[-1]).all() else outline
+        return np.array([(corners[0], b, c) for b, c in pairwise(corners[1:])]).reshape(-1, 3)
+    return _quads(*stripes.transpose(1, 0, 2))
 
 
 def _posts(road_map: RoadMap) -> FloatArray:

@@ -7,6 +7,7 @@ arguments are never written, and results are new arrays. All but the rotations i
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -120,6 +121,29 @@ def rotate_back(by: Quaternion, vector: Vector) -> Vector:
     """Return a vector in the rotated axes; the inverse of `rotate`."""
     x, y, z, w = by
     return rotate((-x, -y, -z, w), vector)
+
+
+def outline_at(pose: Vector, outline: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return an outline at a pose.
+
+    Args:
+        pose: x and y [m], and yaw [rad].
+        outline: forward and left of the pose [m].
+    """
+    x, y, yaw = pose
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return [(x + ahead * cos - left * sin, y + ahead * sin + left * cos) for ahead, left in outline]
+
+
+def box_at(pose: Vector, half_length: float, half_width: float, centre: float = 0.0) -> list[tuple[float, float]]:
+    """Return the corners of a box at a pose; see `outline_at`.
+
+    Args:
+        centre: its middle lies so far ahead of the pose [m].
+    """
+    front, rear = centre + half_length, centre - half_length
+    sides = ((front, half_width), (front, -half_width), (rear, -half_width), (rear, half_width))
+    return outline_at(pose, sides)
 
 
 def arc_lengths(points: FloatArray) -> FloatArray:

@@ -263,6 +263,22 @@ class Roads:
         border += share[:, None] * (self.border.take(point + 1, axis=0) - border)
         return border[:, 0] - lateral, border[:, 1] + lateral
 
+    def edge_lines(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the edges of the lanes as lines, for drawings.
+
+        Returns:
+            (n, 3) the left edge beside each of `points`, at its height, (n, 3) the right one [m], and (n, 2) unit
+            vectors along the lane: those of the chord from the point before to the one behind.
+        """
+        points, n = self.points, len(self.points)
+        before, after = np.arange(n) - 1, np.arange(n) + 1
+        before[self.first[:-1]] += 1
+        after[self.first[1:] - 1] -= 1
+        ahead = points[after, :2] - points[before, :2]
+        ahead /= np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)[:, None]
+        across = np.stack([-ahead[:, 1], ahead[:, 0], np.zeros(n)], axis=-1)
+        return points + self.border[:, :1] * across, points - self.border[:, 1:] * across, ahead
+
     def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return between which points of the roads given places lie.
 
