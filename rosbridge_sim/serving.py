@@ -23,7 +23,7 @@ from rosbridge_sim.link.stop_signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.config.loading import read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.monitoring.log_format import formatter_of
-from rosbridge_sim.shell.websocket.memory import keep_memory, trim_memory
+from rosbridge_sim.shell.websocket.freed_memory import keep_memory, trim_memory
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator

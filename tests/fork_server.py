@@ -45,7 +45,7 @@ _MODULES = (
     "rosbridge_sim.shell.config.loading",
     "rosbridge_sim.shell.monitoring.log_format",
     "rosbridge_sim.link.stop_signals",
-    "rosbridge_sim.shell.websocket.memory",
+    "rosbridge_sim.shell.websocket.freed_memory",
     "rosbridge_sim.cli.bridge_commands",
     "rosbridge_sim.cli.command_table",
     "rosbridge_sim.campaign_runs.running",

@@ -4,7 +4,7 @@ Each message type gets its own `msgspec` struct class, whose fields have the wir
 straight into it and refuses what is plainly wrong. That is enough for nearly every body that real clients send (0.5 us
 for a CtrlCmd). A small function, generated only for types that need it, does what the decoder cannot: it stamps
 headers without a stamp, rounds float32, and checks the upper bound of uint64. A body that is refused here goes to
-`validate.check`, which accepts more and writes the error texts.
+`complete_check.check`, which accepts more and writes the error texts.
 
 Nothing is renamed on the wire. Field names that Python does not allow (`from`, `class`, `__init__`) get another
 attribute name, but keep their wire name.

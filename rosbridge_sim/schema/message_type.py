@@ -14,6 +14,7 @@ from rosbridge_sim.long_text import MARK, LongBody, put_back
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.cbor import CborWriters
+from rosbridge_sim.schema.complete_check import check
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.json_text import parse_json
@@ -21,7 +22,6 @@ from rosbridge_sim.schema.late_list import LateList
 from rosbridge_sim.schema.number_words import with_words
 from rosbridge_sim.schema.ros_serialization import RosWriters
 from rosbridge_sim.schema.skeleton import Skeleton
-from rosbridge_sim.schema.validate import check
 from rosbridge_sim.weight import claim
 
 LongField: TypeAlias = tuple[str, memoryview]
@@ -79,7 +79,7 @@ class MessageType:
         encode_json: returns the JSON text of a value: NaN and infinity are `null`, bytes are base64, numpy arrays are
             lists.
         struct_type: the class of its values; it takes the fields by keyword and fills in the defaults.
-        spec: the fields as tables, for `validate.check`.
+        spec: the fields as tables, for `complete_check.check`.
 
     Args:
         spec: the fields as tables.
@@ -185,7 +185,7 @@ class MessageType:
         self._skeleton.check(self.name, body)
 
     def check(self, value: object, stamp_ns: int, root: str | None = None) -> Struct:
-        """Return the checked and filled value of a body that is given as Python objects; see `validate.check`.
+        """Return the checked and filled value of a body that is given as Python objects; see `complete_check.check`.
 
         Raises:
             FieldError: the body does not fit the type.

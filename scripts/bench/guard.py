@@ -40,7 +40,7 @@ from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits  # noqa: E402 - a
 from rosbridge_sim.protocol.session import Session  # noqa: E402 - as above
 from rosbridge_sim.schema.store import Store  # noqa: E402 - as above
 from rosbridge_sim.shell.files.definitions import read_definitions  # noqa: E402 - as above
-from rosbridge_sim.shell.websocket.memory import keep_memory  # noqa: E402 - as above
+from rosbridge_sim.shell.websocket.freed_memory import keep_memory  # noqa: E402 - as above
 from scripts.bench import bodies  # noqa: E402 - as above
 from scripts.bench.core import Core  # noqa: E402 - as above
 

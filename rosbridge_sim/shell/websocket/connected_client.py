@@ -28,8 +28,8 @@ from rosbridge_sim.shell.transport.inflate import (
 from rosbridge_sim.shell.transport.text_check import TextCheck
 from rosbridge_sim.shell.websocket.access import RateGate
 from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of
+from rosbridge_sim.shell.websocket.freed_memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
-from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.turns import Turns
 
 _log = logging.getLogger("rosbridge_sim.server")

@@ -42,7 +42,7 @@ from rosbridge_sim.shell.transport.inflate import (
 )
 from rosbridge_sim.shell.transport.upgrade_request import answer_to, read_upgrade
 from rosbridge_sim.shell.websocket.access import HandshakeRefusal, is_from_autobahn
-from rosbridge_sim.shell.websocket.byte_totals import ByteTotals
+from rosbridge_sim.shell.websocket.client_totals import ClientTotals
 from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.connections import (
     ConnectionTables,
@@ -50,6 +50,7 @@ from rosbridge_sim.shell.websocket.connections import (
     address_of,
     make_connection,
 )
+from rosbridge_sim.shell.websocket.freed_memory import MemoryReturn, resident_bytes, trim_memory
 from rosbridge_sim.shell.websocket.http_answers import (
     JSON_KIND,
     accepts,
@@ -69,7 +70,6 @@ from rosbridge_sim.shell.websocket.http_answers import (
     speaks_another_version,
 )
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
-from rosbridge_sim.shell.websocket.memory import MemoryReturn, resident_bytes, trim_memory
 from rosbridge_sim.shell.websocket.memory_budget import Holder, HttpReader, MemoryBudget
 from rosbridge_sim.shell.websocket.origins import RefusedOrigins, own_names
 from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
@@ -149,11 +149,11 @@ class Server:
         self.is_loopback = False
         self.own_names: frozenset[str] = frozenset()
         self._refused_origins = RefusedOrigins()
-        self._left = ByteTotals()  # totals of the clients that have left
+        self._left = ClientTotals()  # totals of the clients that have left
         self._is_stopping = False
 
     @property
-    def traffic(self) -> ByteTotals:
+    def traffic(self) -> ClientTotals:
         """Totals of all clients since the start, with those that have left."""
         return self._left.plus(self.clients)
 

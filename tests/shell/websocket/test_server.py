@@ -31,8 +31,8 @@ from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COS
 from rosbridge_sim.shell.websocket import turns
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.connected_client import Client as Served
+from rosbridge_sim.shell.websocket.freed_memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.limits import ServerLimits
-from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.server import STOPPING, Server
 from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client, mask, open_raw

@@ -7,8 +7,8 @@ import threading
 
 import pytest
 
-from rosbridge_sim.shell.websocket import memory
-from rosbridge_sim.shell.websocket.memory import DELAY, FALL, MemoryReturn, resident_bytes, trim_memory
+from rosbridge_sim.shell.websocket import freed_memory
+from rosbridge_sim.shell.websocket.freed_memory import DELAY, FALL, MemoryReturn, resident_bytes, trim_memory
 
 MB = 2**20
 PERIOD = 0.5
@@ -70,7 +70,7 @@ def test_steady_stream_of_large_frames_delays_its_own_return_and_no_other() -> N
     assert process.given_back_at[1:] == [75.0 + DELAY]
 
 
-@pytest.mark.skipif(memory._function("malloc_trim") is None, reason="the C library has no malloc_trim")
+@pytest.mark.skipif(freed_memory._function("malloc_trim") is None, reason="the C library has no malloc_trim")
 def test_freed_memory_leaves_the_process() -> None:
     parts = [bytes(100_000) for _ in range(500)]
     ends = [bytes(1_000)]

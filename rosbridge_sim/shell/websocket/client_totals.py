@@ -13,7 +13,7 @@ from rosbridge_sim.shell.websocket.connected_client import Client
 
 
 @dataclass(slots=True)
-class ByteTotals:
+class ClientTotals:
     """Totals of some clients.
 
     Attributes:
@@ -39,9 +39,9 @@ class ByteTotals:
         self.num_messages_sent += session.num_sent
         self.num_messages_dropped += sum(client.outbox.dropped.values())
 
-    def plus(self, clients: Iterable[Client]) -> ByteTotals:
+    def plus(self, clients: Iterable[Client]) -> ClientTotals:
         """Return the totals with those of more clients."""
-        total = ByteTotals(
+        total = ClientTotals(
             self.num_clients,
             self.num_bytes_sent,
             self.num_frames_received,
