@@ -66,41 +66,27 @@ class TypeResolver:
         return opaque
 
     def service(self, name: str) -> ServiceType | OpaqueServiceType:
-        """Return the type of a service; an opaque one if its whole package is unknown.
-
-        Args:
-            name: name of the type, in any accepted spelling.
-
-        Raises:
-            GraphError: the name is too long.
-            TypeNameError: the type does not exist.
-        """
+        """Return the type of a service; see `message`."""
         try:
             return self._store.service(name)
-        except UnknownPackageError:
-            if self._is_strict:
-                raise
-        return OpaqueServiceType(self._log_unknown(name, "calls of this service"))
+        except UnknownPackageError as error:
+            return OpaqueServiceType(self._relay(name, "calls of this service", error))
 
     def action(self, name: str) -> ActionType | OpaqueActionType:
-        """Return the type of an action; an opaque one if its whole package is unknown.
-
-        Args:
-            name: name of the type, in any accepted spelling.
-
-        Raises:
-            GraphError: the name is too long.
-            TypeNameError: the type does not exist.
-        """
+        """Return the type of an action; see `message`."""
         try:
             return self._store.action(name)
-        except UnknownPackageError:
-            if self._is_strict:
-                raise
-        return OpaqueActionType(self._log_unknown(name, "goals of this action"))
+        except UnknownPackageError as error:
+            return OpaqueActionType(self._relay(name, "goals of this action", error))
 
-    def _log_unknown(self, name: str, what: str) -> str:
-        """Log once that a type of an unknown package is relayed; return its canonical name."""
+    def _relay(self, name: str, what: str, error: UnknownPackageError) -> str:
+        """Log once that a type of an unknown package is relayed; return its canonical name.
+
+        Raises:
+            UnknownPackageError: the given one, if such types are refused.
+        """
+        if self._is_strict:
+            raise error
         canonical = self._store.canonical(name)
         resolve(canonical)  # as long as a name may be
         if (canonical, what) not in self._logged:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import TypeVar
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.compile import compile_message
@@ -46,6 +47,8 @@ _ACTIONLIB_MESSAGES = {
 
 _OF_ACTIONS = _ACTIONLIB_MESSAGES | {FEEDBACK_MESSAGE: "unique_identifier_msgs/UUID goal_id\n{name}Feedback feedback\n"}
 """The same, and those of ROS 2 that have a topic here."""
+
+T = TypeVar("T")
 
 _PARTS = ("Goal", "Result", "Feedback")
 """The messages that the text of an action itself defines."""
@@ -170,15 +173,7 @@ class Store:
             UnknownPackageError: its package is unknown.
         """
         known = self._messages.get(name)
-        if known is not None:
-            return known
-        canonical = self.canonical(name)
-        try:
-            compiled = self._message(canonical)
-        except DefinitionError as error:
-            raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
-        self._remember(name, canonical)
-        return compiled
+        return known if known is not None else self._find(name, self._message)
 
     def service(self, name: str) -> ServiceType:
         """Return the compiled type of a service.
@@ -191,15 +186,7 @@ class Store:
             UnknownPackageError: its package is unknown.
         """
         known = self._services.get(name)
-        if known is not None:
-            return known
-        canonical = self.canonical(name)
-        try:
-            compiled = self._service(canonical)
-        except DefinitionError as error:
-            raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
-        self._remember(name, canonical)
-        return compiled
+        return known if known is not None else self._find(name, self._service)
 
     def action(self, name: str) -> ActionType:
         """Return the compiled type of an action.
@@ -211,14 +198,8 @@ class Store:
             TypeNameError: the name is malformed, its package has no such action, or its definition is broken.
             UnknownPackageError: its package is unknown.
         """
-        canonical = self.canonical(name)
-        compiled = self._actions.get(canonical)
-        if compiled is None:
-            try:
-                compiled = self._actions[canonical] = self._action(canonical)
-            except DefinitionError as error:
-                raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
-        return compiled
+        known = self._actions.get(name)
+        return known if known is not None else self._find(name, self._action)
 
     def full_text(self, name: str) -> str:
         """Return a message's text with those of all types in it, in the grammar of the ROS generation, for rosapi.
@@ -267,6 +248,16 @@ class Store:
         return found
 
     # Search for types
+
+    def _find(self, name: str, find: Callable[[str], T]) -> T:
+        """Return the type that `find` has for the canonical name; for errors see `message`."""
+        canonical = self.canonical(name)
+        try:
+            compiled = find(canonical)
+        except DefinitionError as error:
+            raise TypeNameError(f"Unable to resolve type {canonical}: {error}") from None
+        self._remember(name, canonical)
+        return compiled
 
     def _remember(self, spelling: str, canonical: str) -> None:
         """Keep a spelling that led to a type; there are only a few for each type, so memory is bounded.
@@ -317,6 +308,8 @@ class Store:
         return self._service_parts(name)[i]
 
     def _action(self, name: str) -> ActionType:
+        if name in self._actions:
+            return self._actions[name]
         parts = self._action_parts(name)
         if parts is None:
             raise self._unknown(name.partition("/")[0], name, "action", "action")
@@ -326,7 +319,8 @@ class Store:
             else self._type("action", part.name, partial(_itself, part))
             for part in parts
         )
-        return ActionType(name, goal, result, feedback)
+        self._actions[name] = ActionType(name, goal, result, feedback)
+        return self._actions[name]
 
     def _action_parts(self, name: str) -> tuple[Definition, Definition, Definition] | None:
         """Return goal, result and feedback of an action; None if it has no text."""

@@ -8,31 +8,18 @@ from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.participant import decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type
-from rosbridge_sim.graph.peers.pending_work import PendingWork, find_awaited
+from rosbridge_sim.graph.peers.pending_work import Offers, PendingWork, find_awaited
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.schema.message import Message
 
 
-class PeerActions:
+class PeerActions(Offers[Goal]):
     """The actions of one client."""
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        """Create an empty table.
-
-        Args:
-            peer: the client.
-            check_room: called before it offers another one.
-        """
-        self._peer = peer
+        super().__init__(peer, check_room)
         self._actions = peer.bus.actions
-        self._check_room = check_room
-        self._provided: dict[str, PendingWork[Goal]] = {}
         self._sent: dict[tuple[str, ops.Id], Goal] = {}
-
-    @property
-    def num_held(self) -> int:
-        """Number of actions that the client provides."""
-        return len(self._provided)
 
     def advertise(self, op: ops.AdvertiseAction, _now: float) -> None:
         """Offer an action."""
@@ -162,17 +149,9 @@ class PeerActions:
         if goal is not None:
             goal.fail(why)
 
-    def lose(self, name: str) -> None:
-        """Remove an action that another owner takes.
-
-        Args:
-            name: absolute name.
-        """
-        self._provided.pop(name, None)
-
     def forget(self) -> None:
-        """Forget all actions; the bus removes its own entries itself."""
-        self._provided.clear()
+        """Forget all actions and goals; the bus removes its own entries itself."""
+        super().forget()
         self._sent.clear()
 
 

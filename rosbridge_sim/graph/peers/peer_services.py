@@ -16,7 +16,7 @@ import orjson
 from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type, split_id
-from rosbridge_sim.graph.peers.pending_work import PendingWork, find_awaited
+from rosbridge_sim.graph.peers.pending_work import Offers, PendingWork, find_awaited
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.json_encoding import call_head
@@ -27,27 +27,14 @@ _EMPTY = re.compile(rb"\{\s*+\}")
 """JSON text of an object without fields."""
 
 
-class PeerServices:
+class PeerServices(Offers[Call]):
     """The services of one client."""
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        """Create an empty table.
-
-        Args:
-            peer: the client.
-            check_room: called before it offers another one.
-        """
-        self._peer = peer
+        super().__init__(peer, check_room)
         self._bus = peer.bus
         self._session = peer.session
         self._policy = peer.policy
-        self._check_room = check_room
-        self._provided: dict[str, PendingWork[Call]] = {}
-
-    @property
-    def num_held(self) -> int:
-        """Number of services that the client provides."""
-        return len(self._provided)
 
     def call(self, op: ops.CallService, now: float) -> None:
         """Call a service; a mistake becomes the answer."""
@@ -150,18 +137,6 @@ class PeerServices:
         call = find_awaited(self._provided, error.op_id)
         if call is not None:
             call.refuse(why)
-
-    def lose(self, name: str) -> None:
-        """Remove a service that another owner takes.
-
-        Args:
-            name: absolute name.
-        """
-        self._provided.pop(name, None)
-
-    def forget(self) -> None:
-        """Forget all services; the bus removes its own entries itself."""
-        self._provided.clear()
 
 
 def _is_empty_object(body: ops.OpBody) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Generic, Protocol, TypeVar
 
+from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase
+
 MIN_TIDY = 1_000
 """Ended calls or goals that a list may hold before they are removed. A late answer to one of them is not a mistake."""
 
@@ -89,6 +91,38 @@ class PendingWork(Generic[W]):
     def awaited(self) -> Iterator[W]:
         """Yield the work that has not ended."""
         return (work for work in self._by_id.values() if not work.is_done)
+
+
+class Offers(Generic[W]):
+    """The services, or the actions, that one client provides."""
+
+    def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
+        """Create an empty table.
+
+        Args:
+            peer: the client.
+            check_room: called before it offers another one.
+        """
+        self._peer = peer
+        self._check_room = check_room
+        self._provided: dict[str, PendingWork[W]] = {}  # by absolute name
+
+    @property
+    def num_held(self) -> int:
+        """Number of services or actions that the client provides."""
+        return len(self._provided)
+
+    def lose(self, name: str) -> None:
+        """Remove one that another owner takes.
+
+        Args:
+            name: absolute name.
+        """
+        self._provided.pop(name, None)
+
+    def forget(self) -> None:
+        """Forget all; the bus removes its own entries itself."""
+        self._provided.clear()
 
 
 def find_awaited(offers: dict[str, PendingWork[W]], work_id: object) -> W | None:
