@@ -163,6 +163,30 @@ def licence_of(name: str) -> str:
     return " ".join([*named, *classifiers])
 
 
+# What the comments of the dependencies say
+
+
+IMPORTED_AS = {
+    "pillow": "PIL",
+    "markdown-it-py": "markdown_it",
+    "prometheus-client": "prometheus_client",
+    "ruamel.yaml": "ruamel",
+}
+
+
+def test_comment_of_a_dependency_names_places_that_import_it() -> None:
+    text = (ROOT / "pyproject.toml").read_text("utf-8").partition("\nlint = ")[0]
+    rows = re.findall(r'"([\w.-]+)[^"\n]*".*?# (.*)', text)
+    assert len(rows) > 15
+    for name, comment in rows:
+        pattern = re.compile(rf"^\s*(?:from|import) {IMPORTED_AS.get(name, name)}\b", re.MULTILINE)
+        for word in re.findall(r"[\w/]+", comment.partition("; ")[0].partition(": ")[0]):
+            place = ROOT / "rosbridge_sim" / word
+            files = [*place.rglob("*.py")] or [path for path in [place.with_suffix(".py")] if path.is_file()]
+            assert not files or any(pattern.search(path.read_text("utf-8")) for path in files), (name, word)
+            assert files or "/" not in word, (name, word)
+
+
 # The wheel
 
 
