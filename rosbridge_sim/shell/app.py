@@ -11,11 +11,9 @@ import asyncio
 import errno
 import logging
 import os
-import time
 import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from ssl import SSLContext
 from types import TracebackType
@@ -29,21 +27,25 @@ from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.link.urls import shown_url
-from rosbridge_sim.morai.releases import LENIENCY, RELEASES
+from rosbridge_sim.morai.releases import RELEASES
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.assembly import (
     check_sense,
     choose_stamps,
     complete_policy,
+    has_simulated_stamps,
     limits_of,
     make_simulator_node,
     mistakes_of_items,
     outbox_limits,
     start_recorder,
     start_worker,
+    tell_of_world,
+    web_page_of,
 )
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
 from rosbridge_sim.shell.clocks.scheduler import Clock, Scheduler
+from rosbridge_sim.shell.clocks.wall_clock import WallClockBus
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
@@ -61,15 +63,10 @@ from rosbridge_sim.shell.monitoring.masking import mask_of
 from rosbridge_sim.shell.monitoring.metrics import Metrics
 from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog
 from rosbridge_sim.shell.monitoring.server_topics import ServerTopics
-from rosbridge_sim.shell.page.map_page import MapPage
 from rosbridge_sim.shell.page.page_address import open_browser, page_urls
-from rosbridge_sim.shell.page.type_files import TypeFiles
-from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.websocket.access import load_certificate
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
-from rosbridge_sim.simulator.plain.reading import Reader
-from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.suggestions import listing
 
@@ -281,7 +278,7 @@ class Simulator:
         check_sense(settings)
         certificate = load_certificate(settings.certfile, settings.keyfile)
         texts, store = read_types(settings) if self.types is None else self.types.read(settings)
-        make_bus = Bus if settings.world else _WallClockBus
+        make_bus = Bus if settings.world else WallClockBus
         bus = make_bus(
             store,
             is_strict=settings.strict_types,
@@ -303,8 +300,8 @@ class Simulator:
         scheduler = Scheduler(loop, bus, clocks, self._give_up, announcing=[republisher])
         recordings.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
-        _tell_of_world(server, node, reader)
-        server.page = _web_page_of(settings, loop)
+        tell_of_world(server, node, reader)
+        server.page = web_page_of(settings, loop)
         await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
@@ -322,7 +319,7 @@ class Simulator:
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
         self._reports = ServerTopics(bus, server, loop, refusals, limits.policy, ages=self._bridge_ages)
-        provide_node_parameters(bus, limits.policy, is_simulated=_has_simulated_stamps(settings))
+        provide_node_parameters(bus, limits.policy, is_simulated=has_simulated_stamps(settings))
         server.render_metrics = Metrics(
             loop, server, node, refusals, lambda: self.num_bugs, ages=self._bridge_ages
         ).render
@@ -402,30 +399,23 @@ class Simulator:
         settings = self.settings
         if not settings.attach:
             return
-        from rosbridge_sim.shell.attach import AttachLimits, Attachment  # noqa: PLC0415 - most servers attach to no bridge
+        from rosbridge_sim.shell.attach import AttachChoices, Attachment  # noqa: PLC0415 - most servers attach to no bridge
 
         if settings.sync_lease is None:
             _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
-        limits = AttachLimits(
+        choices = AttachChoices(
             has_connection_each=settings.attach_sockets == "per-topic",
-            has_scene=settings.scene,
-            max_wait=settings.attach_retry,
+            limits=outbox_limits(settings),
             max_frame_size=settings.max_frame_size,
+            extras=node.scene_topics,
+            has_extras=settings.scene,
+            second_names=node.second_names,
+            max_wait=settings.attach_retry,
             ping_interval=settings.ping_interval,
             ping_timeout=settings.ping_timeout,
-            outbox=outbox_limits(settings),
         )
         self.attachments = tuple(
-            Attachment(
-                bus,
-                node.participant,
-                url,
-                limits,
-                scheduler.look,
-                scene=node.scene_topics,
-                second_names=node.second_names,
-            )
-            for url in settings.attach
+            Attachment(bus, node.participant, url, choices, scheduler.look) for url in settings.attach
         )
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
@@ -523,32 +513,6 @@ class Simulator:
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
-def _web_page_of(settings: Settings, loop: asyncio.AbstractEventLoop) -> WebPage | None:
-    if not settings.page:
-        return None
-
-    def make_store() -> Store:
-        return Store(read_definitions(settings.release), leniency=LENIENCY, ros=settings.ros)
-
-    return WebPage(loop, TypeFiles(loop, make_store), settings.page_frame_ancestors)
-
-
-def _tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:
-    """Have the pages of the server tell of the world: `/healthz` and `/map.json`."""
-    server.describe = partial(_describe, node)
-    if node is not None:
-        server.why_unhealthy = lambda: node.failure
-        server.ask_map = MapPage(asyncio.get_running_loop(), node.component(RoadServices), reader).ask
-
-
-def _describe(node: SimulatorNode | None) -> dict[str, object]:
-    """Return the simulator's part of `/healthz`."""
-    if node is None:
-        return {"frame": None, "mode": "gateway", "paused": False}
-    mode = "synchronous" if node.sync.is_on else "real_time"
-    return {"frame": node.world.frame, "mode": mode, "paused": node.sync.is_paused}
-
-
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:
     """Refuse to attach to this server itself, where every name is already taken.
 
@@ -577,28 +541,3 @@ def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
     if error.errno == errno.EACCES:
         return f"{where}: not allowed; expected a port from 1024 on"
     return f"{where}: {os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or error}"
-
-
-def _has_simulated_stamps(settings: Settings) -> bool:
-    return settings.world and settings.stamps in {None, "sim"} and not settings.attach
-
-
-class _WallClockBus(Bus):
-    """A bus without a simulation: stamps that a message leaves open get the time of day."""
-
-    @property
-    def time_ns(self) -> int:
-        """The time of day [ns]."""
-        return time.time_ns()
-
-    @time_ns.setter
-    def time_ns(self, time_ns: int) -> None:
-        """Ignore it: the time of day cannot be set."""
-
-    @property
-    def stamp_ns(self) -> int:
-        return time.time_ns()
-
-    @stamp_ns.setter
-    def stamp_ns(self, stamp_ns: int) -> None:
-        """Ignore it: the time of day cannot be set."""

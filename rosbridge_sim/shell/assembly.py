@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -34,11 +35,15 @@ from rosbridge_sim.shell.files.quota import DataQuota
 from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED
+from rosbridge_sim.shell.page.map_page import MapPage
+from rosbridge_sim.shell.page.type_files import TypeFiles
+from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.scenario_shelf import DiskShelf
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import default_budget
 from rosbridge_sim.shell.websocket.origins import OriginRules
+from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
 from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 from rosbridge_sim.simulator.bus.simulator_ways import SimulatorWays
@@ -47,6 +52,7 @@ from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, SensorWorker, Sighting, drawn_of
+from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -203,6 +209,11 @@ def choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
     return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
+def has_simulated_stamps(settings: Settings) -> bool:
+    """Return True if stamps are simulated time, as far as the settings tell."""
+    return settings.world and settings.stamps in {None, "sim"} and not settings.attach
+
+
 def taken_names(settings: Settings) -> list[str]:
     """Return a mistake for each name that belongs to one of the server's own topics."""
     return [
@@ -235,6 +246,33 @@ def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, tex
     return BagRecorder(
         bus, BagMessageWriter(bag, store, bus.store), path, simulator=owner, patterns=settings.record_topics, loop=loop
     )
+
+
+def web_page_of(settings: Settings, loop: asyncio.AbstractEventLoop) -> WebPage | None:
+    """Return the web page, if the settings have one."""
+    if not settings.page:
+        return None
+
+    def make_store() -> Store:
+        return Store(read_definitions(settings.release), leniency=LENIENCY, ros=settings.ros)
+
+    return WebPage(loop, TypeFiles(loop, make_store), settings.page_frame_ancestors)
+
+
+def tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:
+    """Have the pages of the server tell of the world: `/healthz` and `/map.json`."""
+    server.describe = partial(_describe, node)
+    if node is not None:
+        server.why_unhealthy = lambda: node.failure
+        server.ask_map = MapPage(asyncio.get_running_loop(), node.component(RoadServices), reader).ask
+
+
+def _describe(node: SimulatorNode | None) -> dict[str, object]:
+    """Return the simulator's part of `/healthz`."""
+    if node is None:
+        return {"frame": None, "mode": "gateway", "paused": False}
+    mode = "synchronous" if node.sync.is_on else "real_time"
+    return {"frame": node.world.frame, "mode": mode, "paused": node.sync.is_paused}
 
 
 def limits_of(settings: Settings) -> ServerLimits:

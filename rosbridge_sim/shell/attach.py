@@ -16,7 +16,7 @@ import ipaddress
 import logging
 import math
 import socket
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from urllib.parse import urlsplit
 
 from websockets.asyncio.client import connect
@@ -24,13 +24,12 @@ from websockets.exceptions import WebSocketException
 
 from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Values
 from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.attach.mirror_registry import MirrorChoices
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.link.client_connection import DialedConnection, why_gone, why_not
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.urls import port_of, shown_url
-from rosbridge_sim.protocol.outbox import OutboxLimits
-from rosbridge_sim.records import Record, field
 from rosbridge_sim.shell.websocket.dns import HostLookup
 
 FIRST_WAIT = 0.5
@@ -54,25 +53,17 @@ ATTACH_WRITE_SIZE = 8 * 1024
 _log = logging.getLogger("rosbridge_sim.attach")
 
 
-class AttachLimits(Record):
-    """Limits of each connection to a remote bridge.
+class AttachChoices(MirrorChoices):
+    """How to attach to remote bridges.
 
     Attributes:
-        has_connection_each: use one connection for each topic and service.
-        has_scene: announce the topics of `scene`, too.
         max_wait: longest wait between two attempts [s].
-        max_frame_size: a longer frame closes the connection [bytes].
         ping_interval, ping_timeout: check for half-open connections [s]; None turns it off.
-        outbox: limits on frames that wait for one socket.
     """
 
-    has_connection_each: bool = False
-    has_scene: bool = False
     max_wait: float = 10.0
-    max_frame_size: int = 16 * 2**20
     ping_interval: float | None = 20.0
     ping_timeout: float | None = 20.0
-    outbox: OutboxLimits = field(default_factory=OutboxLimits)
 
 
 class Attachment:
@@ -93,41 +84,25 @@ class Attachment:
         bus: Bus,
         source: Participant,
         url: str,
-        limits: AttachLimits,
+        choices: AttachChoices,
         on_change: Callable[[], None],
-        *,
-        scene: Callable[[], Collection[str]] = tuple,
-        second_names: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Prepare the attachment; `start` connects.
 
         Args:
             source: the simulator.
             url: URL of the bridge.
-            limits: limits of each connection.
             on_change: called when the world or the mirror may have work earlier than planned.
-            scene: returns the present names of the topics for viewers.
-            second_names: returns the present names of topics with the messages of another one.
         """
         self.url = shown_url(url)
         self.num_bugs = 0
         self.attached: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self.mirror = Mirror(
-            bus,
-            source,
-            self.url,
-            has_connection_each=limits.has_connection_each,
-            limits=limits.outbox,
-            max_frame_size=limits.max_frame_size,
-            extras=scene,
-            has_extras=limits.has_scene,
-            second_names=second_names,
-        )
+        self.mirror = Mirror(bus, source, self.url, choices)
         self.lookup = HostLookup(urlsplit(url).hostname or "")
         self.connected_at = math.inf
         self._guard = bus.guard
         self._full_url = url
-        self._limits = limits
+        self._choices = choices
         self._on_change = on_change
         self._carriers: dict[BridgeConnection, _ConnectionKeeper] = {}
 
@@ -179,7 +154,7 @@ class Attachment:
             self._carriers.pop(line).let_go()
         for line in wanted:
             if line not in self._carriers:
-                self._carriers[line] = _ConnectionKeeper(self, line, self._full_url, self._limits, self._on_change)
+                self._carriers[line] = _ConnectionKeeper(self, line, self._full_url, self._choices, self._on_change)
 
 
 class _ConnectionKeeper:
@@ -190,14 +165,14 @@ class _ConnectionKeeper:
         attachment: Attachment,
         line: BridgeConnection,
         url: str,
-        limits: AttachLimits,
+        choices: AttachChoices,
         on_change: Callable[[], None],
     ) -> None:
         self._attachment = attachment
         self._mirror = attachment.mirror
         self._line = line
         self._url = url
-        self._limits = limits
+        self._choices = choices
         self._on_change = on_change
         self._loop = asyncio.get_running_loop()
         self._socket: DialedConnection | None = None
@@ -267,7 +242,7 @@ class _ConnectionKeeper:
                 logging.INFO if was_ready and self._line.name else logging.WARNING, f"{why}; next try in {wait:g} s"
             )
             await asyncio.sleep(wait)
-            wait = min(2 * wait, self._limits.max_wait)
+            wait = min(2 * wait, self._choices.max_wait)
 
     async def _connect_once(self) -> tuple[bool, str]:
         """Run one connection from start to end; return if all was announced on it, and why it ended."""
@@ -300,7 +275,7 @@ class _ConnectionKeeper:
             ValueError: the URL is not valid.
             WebSocketException: the program there is not a WebSocket server.
         """
-        limits = self._limits
+        choices = self._choices
         addresses = await self._attachment.lookup.addresses(STOP_PATIENCE)
         for address in addresses:
             try:
@@ -312,9 +287,9 @@ class _ConnectionKeeper:
                     compression=None,
                     open_timeout=STOP_PATIENCE,
                     close_timeout=CLOSE_TIMEOUT,
-                    ping_interval=limits.ping_interval,
-                    ping_timeout=limits.ping_timeout,
-                    max_size=limits.max_frame_size,
+                    ping_interval=choices.ping_interval,
+                    ping_timeout=choices.ping_timeout,
+                    max_size=choices.max_frame_size,
                     proxy=None,  # proxies from the environment are for web pages; a rosbridge is a local machine
                     logger=quiet,
                 )

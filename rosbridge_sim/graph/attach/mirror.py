@@ -14,7 +14,7 @@ connection wait, too, and nothing else.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Final
 
 from rosbridge_sim.errors import FrameError, PeerError
@@ -22,7 +22,7 @@ from rosbridge_sim.graph.attach.announcing import Announcer
 from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection
 from rosbridge_sim.graph.attach.far_side import FarSide
 from rosbridge_sim.graph.attach.lag_report import REPORT_PERIOD, LagReport
-from rosbridge_sim.graph.attach.mirror_registry import BULK, MirrorRegistry
+from rosbridge_sim.graph.attach.mirror_registry import BULK, MirrorChoices, MirrorRegistry
 from rosbridge_sim.graph.attach.reader_watch import ReaderWatch
 from rosbridge_sim.graph.attach.release_check import ReleaseCheck
 from rosbridge_sim.graph.attach.rosapi_watch import RosapiChange, RosapiWatch
@@ -32,7 +32,6 @@ from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.json_encoding import response_frame
-from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.message import Message
 
 OPS_PER_TURN: Final = 64
@@ -54,51 +53,23 @@ class Mirror(FarSide):
         release_check: compares the fields of the types there with ours.
     """
 
-    def __init__(
-        self,
-        bus: Bus,
-        source: Participant,
-        address: str,
-        *,
-        has_connection_each: bool = False,
-        limits: OutboxLimits | None = None,
-        max_frame_size: int = 16 * 2**20,
-        extras: Callable[[], Collection[str]] = tuple,
-        has_extras: bool = False,
-        second_names: Callable[[], Collection[str]] = tuple,
-    ) -> None:
+    def __init__(self, bus: Bus, source: Participant, address: str, choices: MirrorChoices | None = None) -> None:
         """Create a mirror of everything that `source` has on `bus`, now and later. No connection is open yet.
 
         Args:
             bus: the bus of `source`.
             source: the simulator.
             address: address of the far side.
-            has_connection_each: use one connection per topic and service, as MORAI SIM does, and not one for all (and
-                a second one for pictures and clouds). One connection keeps the order of all messages and answers. With
-                many, a slow topic does not delay an answer.
-            limits: limits on frames that wait for one socket.
-            max_frame_size: longest frame that fragments may form [characters].
-            extras: returns the present names of topics that are mirrored on request alone.
-            has_extras: mirror these, too.
-            second_names: returns the present names of topics with the messages of another one; they are published only
-                if the far side says that they are read.
+            choices: connections and extra topics; None for the defaults.
         """
         super().__init__(bus, source, address)
-        self._limits = limits or OutboxLimits()
-        self._max_frame_size = max_frame_size
+        self._choices = choices = choices or MirrorChoices()
         self._connection_in_hand: BridgeConnection | None = None
         self._report_due: float | None = None
         self._lag = LagReport("topic messages", SMALL_HINT)
         self._bulk_lag = LagReport("pictures and clouds", BULK_HINT)
         self._rosapi = RosapiWatch()
-        registry = self._registry = MirrorRegistry(
-            self,
-            self._make_connection,
-            has_connection_each=has_connection_each,
-            extras=extras,
-            has_extras=has_extras,
-            second_names=second_names,
-        )
+        registry = self._registry = MirrorRegistry(self, self._make_connection, choices)
         self.connections = registry.connections
         self.release_check = ReleaseCheck(self.diagnostics, registry, bus.store)
         self._survey = Survey(self.diagnostics, registry)
@@ -114,7 +85,9 @@ class Mirror(FarSide):
 
     def _make_connection(self, name: str) -> BridgeConnection:
         beside = self._registry.first if name == BULK else None
-        connection = BridgeConnection(name, self._limits, self._max_frame_size, self._note_no_op, beside=beside)
+        connection = BridgeConnection(
+            name, self._choices.limits, self._choices.max_frame_size, self._note_no_op, beside=beside
+        )
         connection.on_probe = self._note_probe
         return connection
 

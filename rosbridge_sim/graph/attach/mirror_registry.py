@@ -21,6 +21,8 @@ from rosbridge_sim.graph.attach.far_side import FarSide
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.protocol.json_encoding import publish_head
+from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.message import Message
 
 BULK: Final = "pictures and clouds"
@@ -63,6 +65,29 @@ class MirroredItem:
         return self.kind == "topic" and plain_type(self.type) in LARGE_TYPES
 
 
+class MirrorChoices(Record):
+    """What is mirrored, and over which connections.
+
+    Attributes:
+        has_connection_each: use one connection per topic and service, as MORAI SIM does, and not one for all (and a
+            second one for pictures and clouds). One connection keeps the order of all messages and answers. With many,
+            a slow topic does not delay an answer.
+        limits: limits on frames that wait for one socket.
+        max_frame_size: longest frame that fragments may form [characters]; a longer one closes a connection [bytes].
+        extras: returns the present names of topics that are mirrored on request alone.
+        has_extras: mirror these, too; the subscriptions to them count as made by name.
+        second_names: returns the present names of topics with the messages of another one; they are published only if
+            the far side says that they are read.
+    """
+
+    has_connection_each: bool = False
+    limits: OutboxLimits = OutboxLimits()
+    max_frame_size: int = 16 * 2**20
+    extras: Callable[[], Collection[str]] = tuple
+    has_extras: bool = False
+    second_names: Callable[[], Collection[str]] = tuple
+
+
 class MirrorRegistry:
     """All items that are mirrored on one far side.
 
@@ -74,28 +99,15 @@ class MirrorRegistry:
     """
 
     def __init__(
-        self,
-        far_side: FarSide,
-        make_connection: Callable[[str], BridgeConnection],
-        *,
-        has_connection_each: bool,
-        extras: Callable[[], Collection[str]] = tuple,
-        has_extras: bool = False,
-        second_names: Callable[[], Collection[str]] = tuple,
+        self, far_side: FarSide, make_connection: Callable[[str], BridgeConnection], choices: MirrorChoices
     ) -> None:
         """Create an empty registry; `refresh` fills it.
 
         Args:
             far_side: owner of the mirrored items.
             make_connection: creates the connection with a name.
-            has_connection_each: use one connection per topic and service, and not one for all.
-            extras: returns the present names of topics that are mirrored on request alone.
-            has_extras: mirror these, too; the subscriptions to them count as made by name.
-            second_names: returns the present names of topics with the messages of another one.
         """
-        self._extras = extras
-        self._has_extras = has_extras
-        self._second_names = second_names
+        self._choices = choices
         self.items: dict[ItemKey, MirroredItem] = {}
         self.connections = {"": make_connection("")}
         self.on_added: Callable[[MirroredItem], None] = lambda _item: None
@@ -103,7 +115,6 @@ class MirrorRegistry:
         self._far_side = far_side
         self._bus = far_side.bus
         self._make_connection = make_connection
-        self._has_connection_each = has_connection_each
         self._inputs: dict[str, Topic] = {}
         self._in_flight: dict[str, int] = {}  # number of calls of each service
         self._began_synchronous = False  # of the first of these calls
@@ -157,7 +168,7 @@ class MirrorRegistry:
             item: a large topic.
             is_read: None if the far side cannot tell. Then the topic is published, but not under a second name.
         """
-        item.is_unread = item.name in self._second_names() if is_read is None else not is_read
+        item.is_unread = item.name in self._choices.second_names() if is_read is None else not is_read
         if item.is_unread:
             item.connection.forget(item.name)
             if self.bulk is not None:
@@ -229,9 +240,9 @@ class MirrorRegistry:
 
     def _wanted(self) -> Iterator[ItemKey]:
         held, spelled = self._bus.holdings(self._far_side.source), self._bus.store.spelled
-        extras = self._extras()
+        extras = self._choices.extras()
         for topic in held.published:
-            if topic.name in extras and not self._has_extras:
+            if topic.name in extras and not self._choices.has_extras:
                 continue
             yield "topic", topic.name, spelled(topic.type.name, "msg")
         for subscription in held.subscriptions:
@@ -276,7 +287,7 @@ class MirrorRegistry:
                 else:
                     bulk.offer(name, frame, now)
 
-        is_general = name not in self._extras()
+        is_general = name not in self._choices.extras()
         return self._bus.subscribe(
             self._far_side,
             name,
@@ -301,7 +312,7 @@ class MirrorRegistry:
             self._far_side.on_connections_changed()
 
     def _connection_for(self, kind: str, name: str) -> BridgeConnection:
-        if not self._has_connection_each:
+        if not self._choices.has_connection_each:
             return self.connections[""]
         connection = self.connections[f"{kind} {name}"] = self._make_connection(f"{kind} {name}")
         self._far_side.on_connections_changed()

@@ -10,6 +10,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from rosbridge_sim.graph.bus import Bus
+
 
 class WallClock:
     """The system's clock without steps back; each reading is later than the one before."""
@@ -34,3 +36,19 @@ class WallClock:
         passed_ns, self._steady_ns = steady_ns - self._steady_ns, steady_ns
         self._last_ns = max(self._read_wall_ns(), self._last_ns + max(1, passed_ns // 2))
         return self._last_ns
+
+
+class WallClockBus(Bus):
+    """A bus without a simulation: stamps that a message leaves open get the time of day."""
+
+    @property
+    def time_ns(self) -> int:
+        """The time of day [ns]."""
+        return time.time_ns()
+
+    @time_ns.setter
+    def time_ns(self, time_ns: int) -> None:
+        """Ignore it: the time of day cannot be set."""
+
+    stamp_ns = time_ns
+    """The same, for stamps that a message leaves open."""

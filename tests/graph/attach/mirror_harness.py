@@ -9,6 +9,7 @@ from typing import Any
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.attach.connection import BridgeConnection
 from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.attach.mirror_registry import MirrorChoices
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer import Peer
@@ -162,8 +163,7 @@ class SimHarness:
             self.bus,
             self.car,
             "ws://far:9090",
-            has_connection_each=has_connection_each,
-            second_names=lambda: cameras[1:],
+            MirrorChoices(has_connection_each=has_connection_each, second_names=lambda: cameras[1:]),
         )
         self.mirror.is_synchronous = lambda: self.is_synchronous or not cameras
         self.mirror.on_attached = self._count
