@@ -15,6 +15,7 @@ from rosbridge_sim.schema.cbor import encode_plain
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.ros_reading import RosReaders
 from tests.schema.reference_readers import Rosbags, alike, as_json, plain, read_cbor
 from tests.schema.strategies import STAMP_NS, all_types, every_type, wild_values
 
@@ -22,6 +23,9 @@ from tests.schema.strategies import STAMP_NS, all_types, every_type, wild_values
 @cache
 def rosbags(ros: Generation) -> Rosbags:
     return Rosbags(ros)
+
+
+READERS = RosReaders()
 
 
 def has_wide(spec: MessageSpec) -> bool:
@@ -44,6 +48,8 @@ def check_encodings(message_type: MessageType, value: object) -> None:
     else:
         raw = message_type.encode_raw(value)
         assert alike(rosbags(spec.dialect.ros).read(spec, raw), expected)
+        if spec.dialect.ros == 1:
+            assert alike(plain(spec, READERS.read(spec, raw)), expected)
 
 
 @pytest.mark.slow

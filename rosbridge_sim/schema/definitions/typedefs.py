@@ -127,9 +127,12 @@ def _field_line(line: str, f: Field, name: str, ros: Generation) -> str:
 
 def _type_text(f: Field, ros: Generation) -> str:
     base = _TIMES[ros].get(f.type, f.type)
-    if ros != 1:
-        return base + f.full_type.removeprefix(f.type)
-    base = "string" if base == "wstring" else base
+    return ros1_type(f) if ros == 1 else base + f.full_type.removeprefix(f.type)
+
+
+def ros1_type(f: Field) -> str:
+    """Return the type of a field as a text of ROS 1 writes it, with its array suffix."""
+    base = "string" if f.type == "wstring" else f.type
     if f.array is None:
         return base
     return f"{base}[]" if f.is_bounded or not f.array else f"{base}[{f.array}]"
