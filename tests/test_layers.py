@@ -46,6 +46,7 @@ graph.peers: * graph long_text protocol schema
 graph.tf: * graph schema
 graph.attach: * graph protocol schema schema.definitions
 graph.gateway: * graph schema
+graph.ros1: * graph graph.gateway schema schema.definitions
 graph.ros2: * graph.gateway schema schema.definitions
 # the world
 world.geometry: records
@@ -117,10 +118,11 @@ shell.page: * schema simulator.markers simulator.plain simulator.sim_services ve
 shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell.page shell.transport version
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
+shell.ros1: * graph graph.gateway graph.ros1 morai schema shell.clocks shell.config shell.files shell.websocket
 shell.ros2: * graph graph.gateway graph.ros2 morai schema shell.clocks shell.config shell.files
 shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags
-    shell.clocks shell.config shell.drawing shell.files shell.monitoring shell.page shell.rendering shell.ros2
-    shell.websocket
+    shell.clocks shell.config shell.drawing shell.files shell.monitoring shell.page shell.rendering shell.ros1
+    shell.ros2 shell.websocket
     simulator simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors
     simulator.sim_services world.geometry world.roads world.state
 worlds: * client maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene

@@ -84,9 +84,15 @@ class _Namespace:
 
 
 class Parameters:
-    """All parameters of one bus."""
+    """All parameters of one bus.
+
+    Attributes:
+        on_change: called with `(name, text)` before a parameter is set, and after it is deleted, then with None; a
+            GraphError refuses a new value.
+    """
 
     def __init__(self) -> None:
+        self.on_change: Callable[[str, str | None], None] = _do_nothing
         self._entries: dict[str, _Entry] = {}
         self._names: list[str] = []
         self._namespaces: dict[str, _Namespace] = {}
@@ -131,6 +137,8 @@ class Parameters:
         self._check_room(name, size, old, account)
         if old is None:
             self._check_namespaces(folder, account)
+        self.on_change(name, text.decode())
+        if old is None:
             insort(self._names, name)
             self._add_to_namespace(folder, account)
             self._serial += 1
@@ -177,6 +185,7 @@ class Parameters:
             self._settle(old.account, 1, _size(name, old.member[old.skip :]))
             self._entries[name] = old
             self._read = None
+            self.on_change(name, old.member[old.skip :].decode())
 
     def remove(self, names: list[str]) -> None:
         """Delete parameters; all of them must be set.
@@ -194,6 +203,8 @@ class Parameters:
         else:
             self._names = [name for name in self._names if name in self._entries]
         self._read = None
+        for name in names:
+            self.on_change(name, None)
 
     def disown(self, owner: Participant) -> None:
         """Forget the owner of parameters, because it has left; the parameters stay."""
@@ -398,3 +409,7 @@ def _join(root: str, members: dict[str, list[bytes]], inner: dict[str, list[str]
             comma = b"," if members[piece] or i < len(folders) - 1 else b""
             to_write += (folder, comma + orjson.dumps(folder.rpartition("/")[2]) + b":")
     return b"".join(out).decode()
+
+
+def _do_nothing(_name: str, _text: str | None) -> None:
+    """Do nothing: no one else keeps the parameters."""

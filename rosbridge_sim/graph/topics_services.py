@@ -154,7 +154,7 @@ class Topic:
         """
         if self.is_settled and self.type.name == message_type.name:
             return
-        if self.type.name != message_type.name:
+        if self.type is not message_type:  # a type of this name may have become known since
             self.type = message_type
             self.forget_messages()
         self.is_settled = True

@@ -102,6 +102,15 @@ class Store:
         self._spellings: dict[str, str] = {}
         self._full_texts: dict[str, str] = {}
 
+    def add(self, texts: Mapping[tuple[str, str, str], str]) -> None:
+        """Add definition texts of types that are not known yet; the form is that of the constructor."""
+        self._texts = {**texts, **self._texts}
+        self._packages |= {package for package, _, _ in texts}
+
+    def with_texts(self, texts: Mapping[tuple[str, str, str], str]) -> Store:
+        """Return a store that knows these texts, too, to find their mistakes."""
+        return Store({**texts, **self._texts}, leniency=self._leniency, ros=self.ros)
+
     # Names
 
     def canonical(self, name: str) -> str:

@@ -73,6 +73,7 @@ from rosbridge_sim.suggestions import listing
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
+    from rosbridge_sim.shell.ros1.ros1_joining import JoinedRos1
     from rosbridge_sim.shell.ros2.joining import JoinedRos2
 
 __all__ = ["AddressError", "Simulator"]
@@ -140,6 +141,7 @@ class Simulator:
         self._thread: LoopThread | None = None
         self._is_stopped = False
         self._wrong_release: asyncio.Future[None] | None = None
+        self._ros1: JoinedRos1 | None = None
         self._ros2: JoinedRos2 | None = None
 
     def __repr__(self) -> str:
@@ -308,7 +310,7 @@ class Simulator:
             if settings.port_file is not None:
                 self._port_file = PortFile(settings.port_file, server.port)
             self._recorder = start_recorder(settings, bus, node, texts)
-            self._join_ros2(bus, limits, texts, scheduler)
+            await self._join_ros(bus, limits, texts, scheduler, stamps)
         except DocumentError:
             self._remove_port_file()
             await server.stop()
@@ -326,7 +328,7 @@ class Simulator:
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         self._warn(server, limits)
-        self._finish_start()
+        await self._finish_start()
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
@@ -387,10 +389,12 @@ class Simulator:
         if settings.world and not is_writable(folder := Path(settings.data_dir)):
             _log.warning("--data-dir %s: clients can save nothing there: %s", folder, why_not_writable(folder))
 
-    def _finish_start(self) -> None:
-        """Show all topics to nodes of ROS 2, and open the page in a browser, if the settings say so."""
+    async def _finish_start(self) -> None:
+        """Show all topics to nodes of ROS, and open the page in a browser, if the settings say so."""
         if self._ros2 is not None:
             self._ros2.settle()
+        if self._ros1 is not None:
+            await self._ros1.start()
         if self.settings.open:
             open_browser(self.page_url)
 
@@ -425,17 +429,23 @@ class Simulator:
             scheduler.add(attachment.mirror)
             attachment.start()
 
-    def _join_ros2(self, bus: Bus, limits: ServerLimits, texts: Texts, scheduler: Scheduler) -> None:
-        """Become a node on the graph of ROS 2, if the settings say so.
+    async def _join_ros(
+        self, bus: Bus, limits: ServerLimits, texts: Texts, scheduler: Scheduler, stamps: Stamps | None
+    ) -> None:
+        """Become a node on the graph of ROS 2, and prepare one on that of ROS 1, if the settings say so.
 
         Raises:
-            DocumentError: the DDS library is missing, or refuses the domain.
+            DocumentError: the DDS library is missing, or refuses the domain; or the master, host or name of ROS 1
+                cannot be used.
         """
-        if self.settings.ros2_domain is None:
-            return
-        from rosbridge_sim.shell.ros2.joining import join_ros2  # noqa: PLC0415 - most servers join no domain
+        if self.settings.ros2_domain is not None:
+            from rosbridge_sim.shell.ros2.joining import join_ros2  # noqa: PLC0415 - most servers join no domain
 
-        self._ros2 = join_ros2(self.settings, bus, limits.policy, texts, scheduler)
+            self._ros2 = join_ros2(self.settings, bus, limits.policy, texts, scheduler)
+        if self.settings.ros1_master is not None:
+            from rosbridge_sim.shell.ros1.ros1_joining import join_ros1  # noqa: PLC0415 - as above
+
+            self._ros1 = await join_ros1(self.settings, bus, limits.policy, texts, scheduler, stamps=stamps)
 
     def _bridge_ages(self, now: float) -> dict[str, float]:
         """Return how old topic messages are when each bridge handles them [s], by its URL."""
@@ -475,7 +485,9 @@ class Simulator:
                 part.stop()
         try:
             if self._server is not None:
-                await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
+                leaving = [] if self._ros1 is None else [self._ros1.stop()]
+                ends = (attachment.stop() for attachment in self.attachments)
+                await asyncio.gather(self._server.stop(), *ends, *leaving)
         finally:  # also after an error above
             self.close_recording()
             if self._limiter is not None:

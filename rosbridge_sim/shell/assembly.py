@@ -203,9 +203,9 @@ def start_worker(settings: Settings, loop: asyncio.AbstractEventLoop, on_done: C
 def choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
     """Choose the clock for stamps."""
     clock = WallClock()
-    choice = settings.stamps or ("sim" if settings.listen else "auto")
-    if choice == "auto" and not settings.attach:
-        _log.info("--stamps auto follows a bridge, but no --attach is given: stamps are simulated time")
+    choice = settings.stamps or ("sim" if settings.listen and settings.ros1_master is None else "auto")
+    if choice == "auto" and not settings.attach and settings.ros1_master is None:
+        _log.info("--stamps auto follows a bridge or a master of ROS 1, but there is none: stamps are simulated time")
     return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
 
 
@@ -334,15 +334,7 @@ def check_sense(settings: Settings) -> None:
             f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
             " --stamps sim allows any factor"
         )
-    if settings.ros2_domain is not None and settings.token is not None and not settings.ros2_without_token:
-        raise DocumentError(
-            "ros2-domain: expected no --token, because DDS lets every program in the domain read and command without"
-            " one; --ros2-without-token allows it"
-        )
-    if settings.ros2_wait_for_command and (settings.ros2_domain is None or not settings.world):
-        raise DocumentError("ros2-wait-for-command: expected with --ros2-domain and a world, which waits for the nodes")
-    if settings.cmd_vel != "Twist" and not (settings.standard_topics or settings.ros2_domain is not None):
-        raise DocumentError("cmd-vel: expected with --standard-topics or --ros2-domain, which bring /cmd_vel")
+    _check_nodes(settings)
     if settings.open and not (settings.listen and settings.page):
         raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:
@@ -351,3 +343,24 @@ def check_sense(settings: Settings) -> None:
         raise DocumentError("scene: expected with --attach; clients of this server can subscribe to the scene anyway")
     if not settings.attach and not settings.listen:
         raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
+
+
+def _check_nodes(settings: Settings) -> None:
+    """Refuse settings of nodes on a graph of ROS that contradict each other; errors as for `check_sense`."""
+    if settings.ros2_domain is not None and settings.token is not None and not settings.ros2_without_token:
+        raise DocumentError(
+            "ros2-domain: expected no --token, because DDS lets every program in the domain read and command without"
+            " one; --ros2-without-token allows it"
+        )
+    if settings.ros1_master is not None and settings.token is not None and not settings.ros1_without_token:
+        raise DocumentError(
+            "ros1-master: expected no --token, because every program that reaches the node can read and command without"
+            " one; --ros1-without-token allows it"
+        )
+    has_nodes = settings.ros2_domain is not None or settings.ros1_master is not None
+    if settings.ros2_wait_for_command and not (has_nodes and settings.world):
+        raise DocumentError(
+            "ros2-wait-for-command: expected with --ros2-domain or --ros1-master and a world, which waits for the nodes"
+        )
+    if settings.cmd_vel != "Twist" and not (settings.standard_topics or settings.ros2_domain is not None):
+        raise DocumentError("cmd-vel: expected with --standard-topics or --ros2-domain, which bring /cmd_vel")

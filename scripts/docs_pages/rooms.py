@@ -85,8 +85,9 @@ SHELL_ROOMS: Final = Picture(
     "shell",
     {
         ".": ((40, 30), (1040, 80), "app builds a server from settings, assembly its parts; attach dials bridges"),
-        "monitoring": ((40, 150), (330, 80), "log, metrics, refusals, topics about clients"),
-        "drawing": ((390, 150), (200, 80), "a process that draws; maps"),
+        "monitoring": ((40, 150), (180, 80), "log, metrics, client topics"),
+        "ros1": ((240, 150), (150, 80), "node of ROS 1"),
+        "drawing": ((410, 150), (180, 80), "a process that draws; maps"),
         "bags": ((610, 150), (180, 80), "recordings on the disk"),
         "ros2": ((810, 150), (270, 80), "a node on the graph of ROS 2"),
         "websocket": ((40, 270), (330, 80), "the server, and the connections of its clients"),

@@ -37,6 +37,12 @@ class SimulatorOptions(TypedDict, total=False):
     ros2_wait_for_command: bool
     ros2_command_deadline: float
     ros2_without_token: bool
+    ros1_master: str | None
+    ros1_name: str
+    ros1_namespace: str
+    ros1_topics: Sequence[str] | str
+    ros1_host: str | Path
+    ros1_without_token: bool
     token: str | None
     allow_origin: Sequence[str] | str
     allow_host: Sequence[str] | str

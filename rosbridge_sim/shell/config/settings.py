@@ -16,7 +16,9 @@ from rosbridge_sim.shell.config.value_types import (
     FOLDERS,
     FRAMES,
     HOSTS,
+    MASTER,
     NAMESPACE,
+    NODE_NAME,
     ORIGINS,
     PATTERNS,
     QUALITIES,
@@ -39,6 +41,7 @@ if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
 
 _LISTEN = FlagGroup("listening")
 _ATTACH = FlagGroup("attaching to another rosbridge")
+_ROS1 = FlagGroup("ROS 1")
 _ROS2 = FlagGroup("ROS 2")
 _ACCESS = FlagGroup("access")
 _WORLD = FlagGroup("the world")
@@ -138,6 +141,27 @@ class Settings:
         1.0, period(0.01, 3_600.0), "longest wait for that command; then the last one holds"
     )
     ros2_without_token: bool = _ROS2.switch("allow --ros2-domain beside --token: DDS asks nobody for a token")
+
+    ros1_master: str | None = _ROS1.flag(
+        None,
+        MASTER,
+        "join the graph of this master of ROS 1 as a node, without an installation of ROS; env takes ROS_MASTER_URI",
+    )
+    ros1_name: str = _ROS1.flag("/rosbridge_sim", NODE_NAME, "name of the node; two nodes cannot have the same")
+    ros1_namespace: str = _ROS1.flag(
+        "", NAMESPACE, "namespace of the node and of all its topics and services, such as /sim1; none by default"
+    )
+    ros1_topics: tuple[str, ...] = _ROS1.flag(
+        (),
+        PATTERNS,
+        "topics that pass between ROS 1 and this server, such as /tf*; without it all that clients may use; repeatable",
+    )
+    ros1_host: str = _ROS1.flag(
+        "127.0.0.1",
+        text_of("an address or host name of this machine", "HOST"),
+        "address where the node listens; 0.0.0.0 for nodes on other machines, which then reach all without a token",
+    )
+    ros1_without_token: bool = _ROS1.switch("allow --ros1-master beside --token: ROS 1 asks nobody for a token")
 
     token: str | None = _ACCESS.flag(
         None,

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
+from urllib.parse import urlsplit
 
 from rosbridge_sim.graph.gateway.quality import PROFILES, read_choice
 from rosbridge_sim.graph.ros2.ros2_names import is_name
@@ -311,7 +312,29 @@ def _read_namespace(value: object) -> str:
     return name
 
 
-NAMESPACE = ValueType("an absolute name of ROS 2, such as /sim1", _read_namespace, "NAME")
+NAMESPACE = ValueType("an absolute name of ROS, such as /sim1", _read_namespace, "NAME")
+
+
+def _read_node_name(value: object) -> str:
+    name = _read_namespace(value)
+    if not name:
+        raise ValueError
+    return name
+
+
+NODE_NAME = ValueType("an absolute name of ROS, such as /rosbridge_sim", _read_node_name, "NAME")
+
+
+def _read_master(value: object) -> str:
+    text = cast("str", value).strip()
+    if text != "env":
+        parts = urlsplit(text)
+        if parts.scheme != "http" or not parts.hostname or not parts.port or parts.path.strip("/"):
+            raise ValueError
+    return text
+
+
+MASTER = or_none(ValueType("http://HOST:PORT or env", _read_master, "URL|env"), "none")
 
 
 def _read_qualities(value: object) -> tuple[str, ...]:

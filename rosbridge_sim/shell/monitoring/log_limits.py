@@ -22,7 +22,7 @@ LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (
         *("", ".app", ".attach", ".bus", ".campaign", ".client", ".graph", ".morai"),
-        *(".page", ".recording", ".replay", ".ros2", ".server", ".storage", ".websockets"),
+        *(".page", ".recording", ".replay", ".ros1", ".ros2", ".server", ".storage", ".websockets"),
     )
 )
 """All loggers of this package; a filter of a logger does not apply to its child loggers."""

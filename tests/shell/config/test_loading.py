@@ -96,6 +96,12 @@ OTHER: dict[str, object] = {
     "standard_topics": True,
     "tf_frames": "map-odom",
     "cmd_vel": "TwistStamped",
+    "ros1_master": "http://robot:11311",
+    "ros1_name": "/sim",
+    "ros1_namespace": "/sim1",
+    "ros1_topics": ("/tf*", "/imu"),
+    "ros1_host": "0.0.0.0",  # noqa: S104 - nothing listens
+    "ros1_without_token": True,
     "ros2_domain": 7,
     "ros2_distro": "humble",
     "ros2_namespace": "/sim1",

@@ -1,0 +1,195 @@
+"""Connections for services of ROS 1: calls of nodes, and calls of services that nodes provide."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Final
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.ros1.node_services import NodeServices, OnReply
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
+from rosbridge_sim.graph.ros1.tcpros import with_length
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.shell.ros1.topic_links import exchange_headers
+from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, connect
+
+MAX_IDLE: Final = 4
+"""Connections to one service that are kept for later calls."""
+
+MAX_CALLS: Final = 64
+"""Most calls at once to the services of nodes: each has a connection; the others wait for their turn."""
+
+ANSWER_TIMEOUT: Final = 30.0
+"""Longest wait until a node takes an answer that we send [s]."""
+
+
+async def serve_calls(
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    call: Callable[[bytes, OnReply], None],
+    *,
+    is_persistent: bool,
+    max_size: int,
+) -> None:
+    """Answer the calls of a node on one connection, one after the other.
+
+    Args:
+        call: calls the service.
+        is_persistent: more than one call may come.
+        max_size: longest request [bytes].
+
+    Raises:
+        OSError, asyncio.IncompleteReadError: the connection has ended.
+    """
+    loop = asyncio.get_running_loop()
+    while True:
+        length = int.from_bytes(await reader.readexactly(4), "little")
+        if length > max_size:
+            reply = False, f"expected a request of at most {max_size:,} bytes; got {length:,}".encode()
+            is_persistent = False
+        else:
+            future: asyncio.Future[tuple[bool, bytes]] = loop.create_future()
+
+            def on_reply(is_ok: bool, body: bytes, future: asyncio.Future[tuple[bool, bytes]] = future) -> None:  # noqa: FBT001 - see `OnReply`
+                if not future.done():
+                    future.set_result((is_ok, body))
+
+            call(await reader.readexactly(length), on_reply)
+            reply = await future
+        writer.write((b"\1" if reply[0] else b"\0") + with_length(reply[1]))
+        async with asyncio.timeout(ANSWER_TIMEOUT):
+            await writer.drain()
+        if not is_persistent:
+            return
+
+
+class FarServices:
+    """Calls of services that nodes provide, over connections that are kept; see `FarCalls`."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        node: str,
+        find: Callable[[str], Awaitable[str]],
+        name_there: Callable[[str], str],
+        max_size: int,
+    ) -> None:
+        """Make no connection yet.
+
+        Args:
+            bus: our bus: the calls of a participant that leaves end there.
+            node: name of our node.
+            find: returns `rosrpc://HOST:PORT` of a service by its name there, or raises GraphError.
+            name_there: returns the name there of a service of the bus.
+            max_size: longest response [bytes].
+        """
+        self._node = node
+        self._find = find
+        self._name_there = name_there
+        self._max_size = max_size
+        self._idle: dict[str, list[tuple[asyncio.StreamReader, asyncio.StreamWriter]]] = {}
+        self._running: dict[asyncio.Task[None], Call] = {}
+        self._turns = asyncio.Semaphore(MAX_CALLS)
+        bus.on_leave.append(self._note_leaving)
+
+    def call(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
+        """See `FarCalls`."""
+        task = asyncio.get_running_loop().create_task(self._run(name, service, request, call, on_reply))
+        self._running[task] = call
+        task.add_done_callback(lambda done: self._running.pop(done, None))
+
+    def forget(self, name: str) -> None:
+        """Close the idle connections of a service, because it has ended or moved."""
+        for _, writer in self._idle.pop(name, ()):
+            writer.close()
+
+    def stop(self) -> None:
+        """End all calls and connections."""
+        for task in list(self._running):
+            task.cancel()
+        for name in list(self._idle):
+            self.forget(name)
+
+    def _note_leaving(self, _owner: Participant, _now: float) -> None:
+        """Stop to wait for the answers that nobody wants any more."""
+        for task, call in list(self._running.items()):
+            if call.is_done:
+                task.cancel()
+
+    async def _run(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
+        try:
+            # The deadline of the call is set by now, after `handle` has returned.
+            async with asyncio.timeout_at(call.deadline), self._turns:
+                reply = await self._ask(name, service, request)
+        except TimeoutError:
+            reply = False, f"Service {name}: no answer came in time".encode()
+        except (GraphError, OSError, asyncio.IncompleteReadError) as error:
+            reply = False, f"Service {name} of ROS 1 was lost: {error}".encode()
+        on_reply(*reply)
+
+    async def _ask(self, name: str, service: Ros1Service, request: bytes) -> tuple[bool, bytes]:
+        idle = self._idle.setdefault(name, [])
+        while idle and (idle[-1][1].is_closing() or idle[-1][0].at_eof()):
+            idle.pop()[1].close()
+        reader, writer = idle.pop() if idle else await self._connect(name, service)
+        try:
+            writer.write(with_length(request))
+            is_ok = (await reader.readexactly(1)) == b"\1"
+            body = await self._read_body(reader)
+        except BaseException:
+            writer.close()
+            raise
+        if self._idle.get(name) is idle and len(idle) < MAX_IDLE:
+            idle.append((reader, writer))
+        else:
+            writer.close()
+        return is_ok, body
+
+    async def _read_body(self, reader: asyncio.StreamReader) -> bytes:
+        length = int.from_bytes(await reader.readexactly(4), "little")
+        if length > self._max_size:
+            raise GraphError(f"its response has {length:,} bytes, expected at most {self._max_size:,}")
+        return await reader.readexactly(length)
+
+    async def _connect(self, name: str, service: Ros1Service) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        there = self._name_there(name)
+        fields = {"callerid": self._node, "service": there, "md5sum": service.md5, "type": service.name}
+        host, port = address_of(await self._find(there), "rosrpc")
+        reader, writer = await connect(host, port)
+        try:
+            await exchange_headers(reader, writer, {**fields, "persistent": "1", "tcp_nodelay": "1"})
+        except BaseException:
+            writer.close()
+            raise
+        return reader, writer
+
+
+async def probe(uri: str, name: str, node: str) -> dict[str, str]:
+    """Return the header of a service, which names its type.
+
+    Args:
+        uri: `rosrpc://HOST:PORT`.
+        name: its name there.
+        node: name of our node.
+
+    Raises:
+        GraphError, OSError, asyncio.IncompleteReadError: it cannot be asked.
+    """
+    host, port = address_of(uri, "rosrpc")
+    async with asyncio.timeout(ANSWER_TIMEOUT):
+        reader, writer = await connect(host, port)
+        try:
+            fields = {"callerid": node, "service": name, "md5sum": "*", "probe": "1"}
+            return await exchange_headers(reader, writer, fields)
+        finally:
+            writer.close()
+
+
+def call_of(
+    services: NodeServices, node: str, name: str, loop: asyncio.AbstractEventLoop
+) -> Callable[[bytes, OnReply], None]:
+    """Return a function that calls a service of the bus for a node."""
+    return lambda request, on_reply: services.call(node, name, request, on_reply, loop.time())

@@ -1,0 +1,141 @@
+"""Connections for topics of ROS 1: to subscribers of ours, and to publishers that we subscribe to."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, read_header, write_header
+
+HEADER_TIMEOUT: Final = 5.0
+"""Longest wait for the header of a connection [s]."""
+
+MAX_BUFFERED: Final = 64 * 1024
+"""Bytes in a socket's buffer from which on messages wait outside of it, where the oldest can be dropped."""
+
+MAX_WAITING: Final = 100
+MAX_WAITING_BYTES: Final = 8 * 2**20
+"""Most messages, and bytes, that wait for a slow subscriber, besides the newest message. The oldest are dropped first,
+because a stale picture is useless."""
+
+CHUNK: Final = 64 * 1024
+"""Bytes that are read at once."""
+
+BYTES_PER_TURN: Final = 32 * 1024
+LEAST_SIZE: Final = 1024
+"""Messages that one turn of the loop takes from a publisher [bytes], of which a short one counts as so many."""
+
+
+async def exchange_headers(
+    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, fields: Mapping[str, str]
+) -> dict[str, str]:
+    """Send our header and return that of the other side.
+
+    Raises:
+        GraphError: the other side refuses, or sends none.
+        OSError, asyncio.IncompleteReadError: the connection has ended.
+    """
+    writer.write(write_header(fields))
+    found = await take_header(reader)
+    if "error" in found:
+        raise GraphError(f"refused: {found['error'][:300]}")
+    return found
+
+
+async def take_header(reader: asyncio.StreamReader) -> dict[str, str]:
+    """Return the header that the other side sends.
+
+    Raises:
+        GraphError: it is malformed, or longer than a header may be.
+        OSError, asyncio.IncompleteReadError: the connection has ended, or it does not come in time.
+    """
+    async with asyncio.timeout(HEADER_TIMEOUT):
+        length = int.from_bytes(await reader.readexactly(4), "little")
+        if length > MAX_HEADER:
+            raise GraphError(f"expected a connection header of at most {MAX_HEADER:,} bytes; got {length:,}")
+        return read_header(await reader.readexactly(length))
+
+
+class SubscriberLink:
+    """A node that subscribes to a topic of ours.
+
+    Attributes:
+        node: its name.
+        topic: the topic on the bus.
+        num_dropped: messages that it was too slow for.
+        num_bytes: what it was sent.
+    """
+
+    def __init__(self, node: str, topic: str, writer: asyncio.StreamWriter) -> None:
+        self.node = node
+        self.topic = topic
+        self.num_dropped = self.num_bytes = 0
+        self._writer = writer
+        self._waiting: deque[bytes] = deque()
+        self._num_waiting_bytes = 0
+        self._pump: asyncio.Task[None] | None = None
+        writer.transport.set_write_buffer_limits(high=MAX_BUFFERED)
+
+    def send(self, framed: bytes) -> bool:
+        """Send a message, now or when the node has read what it has.
+
+        Args:
+            framed: with its length before it; shared by all subscribers.
+
+        Returns:
+            False if an older message was dropped for it.
+        """
+        if self._writer.is_closing():
+            return True
+        if self._pump is None and self._writer.transport.get_write_buffer_size() < MAX_BUFFERED:
+            self._write(framed)
+            return True
+        waiting = self._waiting
+        waiting.append(framed)
+        self._num_waiting_bytes += len(framed)
+        before = self.num_dropped
+        while len(waiting) > MAX_WAITING or (self._num_waiting_bytes > MAX_WAITING_BYTES and len(waiting) > 1):
+            self._num_waiting_bytes -= len(waiting.popleft())
+            self.num_dropped += 1
+        if self._pump is None:
+            self._pump = asyncio.get_running_loop().create_task(self._send_waiting())
+        return self.num_dropped == before
+
+    def close(self) -> None:
+        """End the connection at once."""
+        if self._pump is not None:
+            self._pump.cancel()
+        self._waiting.clear()
+        self._writer.transport.abort()
+
+    def _write(self, framed: bytes) -> None:
+        self.num_bytes += len(framed)
+        self._writer.write(framed)
+
+    async def _send_waiting(self) -> None:
+        try:
+            while self._waiting:
+                await self._writer.drain()
+                if self._waiting:
+                    framed = self._waiting.popleft()
+                    self._num_waiting_bytes -= len(framed)
+                    self._write(framed)
+        except OSError:
+            self._waiting.clear()  # it has gone
+        finally:
+            self._pump = None
+
+
+async def receive(reader: asyncio.StreamReader, cutter: MessageCutter, take: Callable[[bytes], None]) -> None:
+    """Give all messages of a publisher to a function, until the connection ends; other work has its turns meanwhile."""
+    size = 0
+    while data := await reader.read(CHUNK):
+        for raw in cutter.feed(data):
+            take(raw)
+            size += max(len(raw), LEAST_SIZE)
+            if size > BYTES_PER_TURN:
+                size = 0
+                await asyncio.sleep(0)
