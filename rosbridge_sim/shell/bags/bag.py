@@ -14,6 +14,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO, ClassVar
 
@@ -153,6 +154,7 @@ def open_bag(path: Path) -> Bag:
     return _Bag2(path)
 
 
+@lru_cache(maxsize=64)  # parsing takes 10 ms, and a bag has many topics of a type
 def _no_digest(type_name: str, text: str, ros: Generation) -> str:
     """Return the checksum of ROS 1 (MD5) or of ROS 2 (hash)."""
     full_name = type_name.replace("/", "/msg/")

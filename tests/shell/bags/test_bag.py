@@ -13,6 +13,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.bags import bag as bag_module
 from rosbridge_sim.shell.bags.bag import Bag, BagGoneError, open_bag
 from rosbridge_sim.shell.files.definitions import read_definitions
 from tests.shell.bags.bag_reading import read_bag
@@ -46,6 +47,16 @@ def test_written_messages_are_read_back(tmp_path: Path, stores: dict[Generation,
     bag.close()
     seen = [(topic, stamp_ns, message.data) for topic, stamp_ns, message in read_bag(tmp_path / name)]
     assert seen == [("/chatter", i * SECOND, f"hello {i}") for i in range(5)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_definition_of_many_topics_is_parsed_once(tmp_path: Path, name: str) -> None:
+    bag_module._no_digest.cache_clear()
+    bag = open_bag(tmp_path / name)
+    for topic in ("/one", "/two", "/three"):
+        bag.add(topic, "made_up/Speed", "float64 speed\n")
+    bag.close()
+    assert bag_module._no_digest.cache_info().misses == 1
 
 
 @pytest.mark.parametrize("name", NAMES)
