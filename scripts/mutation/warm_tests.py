@@ -25,6 +25,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import _lru_cache_wrapper
+from importlib import import_module
 from pathlib import Path
 from types import CodeType, FrameType, FunctionType, ModuleType
 from typing import Any, TypeGuard
@@ -125,13 +126,14 @@ class Tests:
     """
 
     def __init__(self, session: pytest.Session, targets: Sequence[Target]) -> None:
-        gc.unfreeze()  # what was imported for the tests is searched below
         self._items = session.items
         self._targets = targets
+        for target in targets:  # some are imported only when they are used, and then without a mutant
+            import_module(target.module)
         gc.unfreeze()  # the collector does not list what is frozen, as by `conftest.py`
         self._functions = _functions_of({str(target.path) for target in targets})
         for target in targets:
-            if target.module in sys.modules and not self._functions[str(target.path)]:
+            if not self._functions[str(target.path)]:
                 raise RuntimeError(
                     f"{target.file}: expected its functions among all objects, so that mutants can be put in"
                 )

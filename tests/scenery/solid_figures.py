@@ -11,27 +11,28 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 
 __all__ = ["area_of", "area_seen_from_above", "is_closed", "is_mirrored", "parts_of", "volume_of"]
 
+Vertices = NDArray[np.float64] | NDArray[np.float32]
 Triangles = NDArray[np.int32] | NDArray[np.int64]
 
 
-def _corners(vertices: FloatArray, triangles: Triangles) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _corners(vertices: Vertices, triangles: Triangles) -> tuple[FloatArray, FloatArray, FloatArray]:
     a, b, c = (np.asarray(vertices, dtype=np.float64)[triangles[:, i]] for i in range(3))
     return a, b, c
 
 
-def volume_of(vertices: FloatArray, triangles: Triangles) -> float:
+def volume_of(vertices: Vertices, triangles: Triangles) -> float:
     """Volume of a closed solid; negative if its faces look inwards."""
     a, b, c = _corners(vertices, triangles)
     return float((a * np.cross(b, c)).sum() / 6.0)
 
 
-def area_of(vertices: FloatArray, triangles: Triangles) -> float:
+def area_of(vertices: Vertices, triangles: Triangles) -> float:
     """Area of all faces."""
     a, b, c = _corners(vertices, triangles)
     return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def area_seen_from_above(vertices: FloatArray, triangles: Triangles) -> float:
+def area_seen_from_above(vertices: Vertices, triangles: Triangles) -> float:
     """Area of the faces as seen from above; those that look down count as negative."""
     a, b, c = _corners(vertices, triangles)
     return float(0.5 * np.cross(b - a, c - a)[:, 2].sum())

@@ -200,7 +200,7 @@ class Gateway(Generic[Type]):
             self._name_untold(key, None, now)
             self._refused.clear()  # there may be room now
         for endpoint in found:
-            if len(self._endpoints) < MAX_ENDPOINTS:
+            if endpoint.key in self._endpoints or len(self._endpoints) < MAX_ENDPOINTS:
                 self._endpoints[endpoint.key] = endpoint
                 if not endpoint.is_writer and (writer := self._writers.get(endpoint.topic)) is not None:
                     self._follow_readers(writer, is_read=True, now=now)  # at once, so that it misses nothing
@@ -355,11 +355,11 @@ class Gateway(Generic[Type]):
             self._bus.unsubscribe(old, now)
 
     def _open_writer(self, topic: Topic, far_type: Type) -> bool:
-        self._num_opened += 1
-        if self._num_opened > self._graph.endpoints_per_turn:
-            return False
         if len(self._writers) >= MAX_TOPICS:
             self._tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
+            return False
+        self._num_opened += 1
+        if self._num_opened > self._graph.endpoints_per_turn:
             return False
         quality = self._quality_of(topic)
         try:
@@ -413,15 +413,15 @@ class Gateway(Generic[Type]):
         for name, far_type in wanted.items():
             if name in self._readers:
                 continue
+            if len(self._readers) >= MAX_TOPICS:
+                self._tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
+                return
             self._num_opened += 1
             if self._num_opened > self._graph.endpoints_per_turn:
                 return
             self._open_reader(name, far_type, offered[name])
 
     def _open_reader(self, name: str, far_type: Type, quality: Quality) -> None:
-        if len(self._readers) >= MAX_TOPICS:
-            self._tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
-            return
         try:
             self._node.open_reader(name, far_type, quality)
         except GraphError as error:

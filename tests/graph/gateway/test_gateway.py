@@ -83,11 +83,13 @@ class GraphInMemory:
 
     def open_writer(self, topic: str, _cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         self._refuse()
+        assert topic not in self.writers
         self.writers[topic] = quality
         self.sole |= {topic} if is_sole else set()
 
     def open_reader(self, topic: str, _cdr_type: CdrType, quality: Quality) -> None:
         self._refuse()
+        assert topic not in self.readers
         self.readers[topic] = quality
 
     def close_writer(self, topic: str) -> None:
@@ -427,6 +429,133 @@ def test_an_endpoint_that_the_library_refuses_is_told_once_and_holds_up_nothing(
     assert sum("out of resources" in line for line in warned()) == 3
 
 
+def test_a_message_that_nobody_waits_for_or_of_another_type_is_left_out(graph: GraphInMemory) -> None:
+    graph.say("/nowhere", "left")
+    client = Wire(graph.bus)
+    client.says(op="subscribe", topic="/plan", type=STRING)
+    graph.meet("/plan", is_writer=True)
+    client.says(op="unsubscribe", topic="/plan")
+    graph.part(graph.meet("/plan", is_writer=True))
+    graph.bus.advertise(Somebody("/sim"), "/plan", "std_msgs/Int32", is_exclusive=True)
+    graph.say("/plan", "left")
+    assert (graph.gateway.num_received, client.hears()) == (0, [])
+
+
+def test_a_reader_is_made_anew_when_the_type_of_its_topic_changes(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="subscribe", topic="/plan", type=STRING)
+    graph.settle()
+    client.says(op="unsubscribe", topic="/plan")
+    other = Wire(graph.bus)
+    other.says(op="subscribe", topic="/plan", type="std_msgs/Int32")
+    graph.meet("/plan", is_writer=True, dds_type="std_msgs::msg::dds_::Int32_")
+    assert set(graph.readers) == {"/plan"}
+    int32 = graph.types.find("std_msgs/Int32")
+    raw = int32.encode(Message(int32.type, int32.type.struct_type(data=5)))
+    graph.gateway.receive("/plan", raw, graph.now)
+    assert [frame["msg"] for frame in other.hears()] == [{"data": 5}]
+
+
+def test_a_subscription_of_a_node_counts_at_once(graph: GraphInMemory) -> None:
+    topic = graph.bus.advertise(Somebody("/car"), "/state", STRING)
+    graph.settle()
+    for is_writer in (True, False):
+        endpoint = Endpoint(f"{is_writer}", "/state", DDS_STRING, is_writer, Quality(), "/planner")
+        graph.gateway.note_endpoints([endpoint], [], graph.now)
+        assert topic.has_listener is not is_writer
+
+
+def test_topics_that_do_not_pass_are_not_subscribed_to_either() -> None:
+    graph = GraphInMemory(topics=Rule(("/a",)))
+    for name in ("/a", "/plan"):
+        Wire(graph.bus).says(op="subscribe", topic=name, type=STRING)
+    graph.settle()
+    assert set(graph.readers) == {"/a"}
+
+
+def test_few_topics_pass_in_each_direction_and_the_rest_is_told(
+    graph: GraphInMemory, warned: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rosbridge_sim.graph.gateway.gateway.MAX_TOPICS", 2)
+    for i in range(3):
+        graph.bus.advertise(Somebody(f"/n{i}"), f"/w{i}", STRING)
+        Wire(graph.bus).says(op="subscribe", topic=f"/r{i}", type=STRING)
+    graph.settle()
+    assert (len(graph.writers), len(graph.readers)) == (2, 2)
+    assert warned() == [
+        "more than 2 topics on the bus: the others do not pass",
+        "more than 2 subscribed topics: the others do not pass",
+    ]
+
+
+def test_few_endpoints_are_remembered_and_those_may_change(
+    graph: GraphInMemory, warned: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rosbridge_sim.graph.gateway.gateway.MAX_ENDPOINTS", 2)
+    keys = [graph.meet(f"/t{i}", is_writer=True) for i in range(2)]
+    assert not warned()
+    changed = Endpoint(keys[0], "/u", DDS_STRING, True, Quality(), "/planner")  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints([changed], [], graph.now)
+    graph.meet("/t2", is_writer=True)
+    assert {topic.name for topic in graph.bus.holdings(graph.gateway).published} == {"/u", "/t1"}
+    assert warned() == ["more than 2 endpoints of other programs: the others are not seen"]
+    graph.part(keys[1])
+    graph.meet("/t2", is_writer=True)
+    assert {topic.name for topic in graph.bus.holdings(graph.gateway).published} == {"/u", "/t2"}
+
+
+def test_type_that_ros2_does_not_have_is_told_in_both_directions(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    graph.bus.advertise(Somebody("/car"), "/boxes", "vision_msgs/BoundingBox2D")
+    graph.meet("/odd", is_writer=True, dds_type="x_msgs::msg::dds_::Y_")
+    graph.meet("/none", is_writer=True, dds_type="int")
+    assert not graph.writers
+    starts = ("/boxes does not pass: vision_msgs/BoundingBox2D has other fields", "/planner publishes /odd, which does")
+    lines = warned()
+    assert all(any(line.startswith(start) for line in lines) for start in starts)
+    assert "/planner publishes /none, which does not pass: int is no message of ROS 2" in lines
+
+
+def test_lines_about_endpoints_are_gathered_for_two_seconds(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    endpoint = Endpoint("1", "/odd", "int", True, Quality(), "/planner")  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints([endpoint], [], graph.now)
+    first = graph.gateway.next_due(graph.now)
+    assert first is not None
+    assert first <= graph.now + PERIOD
+    graph.gateway.advance(first)
+    told = graph.gateway.next_due(first) or 0.0
+    assert told == pytest.approx(first + 2.0)
+    graph.bus.advertise(Somebody("/car"), "/state", STRING)
+    soon = graph.gateway.next_due(first)
+    assert soon is not None
+    assert soon < told, "the topic does not wait for the lines"
+    graph.gateway.advance(told - 0.01)
+    assert not warned()
+    graph.gateway.advance(told)
+    assert len(warned()) == 1
+
+
+def test_what_the_bus_asks_the_gateway_follows_the_patterns_of_access(graph: GraphInMemory) -> None:
+    strict = GraphInMemory(Policy(publish=Rule(deny=("/plan",)), subscribe=Rule(deny=("/secret",))))
+    with pytest.raises(GraphError):
+        strict.gateway.check_subscribe("/secret", STRING)
+    with pytest.raises(GraphError):
+        strict.gateway.check_publish("/plan", STRING)
+    graph.gateway.check_subscribe("/secret", STRING)
+    graph.gateway.check_publish("/plan", STRING)
+
+
+def test_an_internal_error_ends_all_that_passes(graph: GraphInMemory, warned: Callable[[], list[str]]) -> None:
+    graph.bus.advertise(Somebody("/car"), "/state", STRING)
+    graph.settle()
+    graph.gateway.end(RuntimeError("a mistake of ours"))
+    assert not graph.writers
+    assert warned() == ["internal error; nothing passes to or from ROS 2 any more"]
+
+
 def test_leaving_ends_everything(graph: GraphInMemory) -> None:
     graph.bus.advertise(Somebody("/car"), "/state", STRING)
     Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
@@ -458,6 +587,7 @@ def test_topics_of_an_action_here_do_not_pass_because_its_services_are_not_there
     Wire(graph.bus).says(op="advertise_action", action="/fib", type="example_interfaces/action/Fibonacci")
     relay = Wire(graph.bus)
     relay.says(op="advertise", topic="/far/_action/status", type="action_msgs/msg/GoalStatusArray")
+    relay.says(op="advertise", topic="/fib", type="std_msgs/msg/String")
     graph.settle()
     assert "/fib/_action/status" in graph.bus.topics
-    assert list(graph.writers) == ["/far/_action/status"]
+    assert set(graph.writers) == {"/far/_action/status", "/fib"}

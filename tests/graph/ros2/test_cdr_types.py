@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import struct
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
+from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.graph.ros2.cdr_types import MAX_OBJECTS, CdrTypes
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message import Message
@@ -99,6 +102,45 @@ def test_pictures_and_clouds_keep_their_bytes() -> None:
     scan = types.find("sensor_msgs/LaserScan")
     value = scan.type.struct_type(ranges=np.arange(360, dtype=np.float32))
     assert list(scan.decode(scan.encode(Message(scan.type, value)), 0).ranges) == list(range(360))
+
+
+def test_numbers_that_json_does_not_have_stay_what_they_are() -> None:
+    for ros in (1, 2):
+        store, types = make_types(ros)
+        scan = types.find("sensor_msgs/LaserScan")
+        value: Any = scan.type.struct_type(ranges=np.array([np.inf, np.nan, 1.5], dtype=np.float32), angle_min=-np.inf)
+        found: Any = scan.decode(scan.encode(Message(scan.type, value)), 0)
+        assert np.array_equal(found.ranges, value.ranges, equal_nan=True)
+        assert found.angle_min == -np.inf
+        assert scan.has_same_bytes is (store.ros == 2)
+
+
+def test_objects_are_counted_in_lists_of_fixed_and_of_any_length_and_behind_messages_without_fields() -> None:
+    fields = "uint8 x\nPart[2] two\nint16 y\nPart[] any\nEmpty e\nfloat64[3] f\nbool[] g\nstring[<=4] names\nint8 z"
+    texts = {
+        ("x_msgs", "msg", "Empty"): "",
+        ("x_msgs", "msg", "Part"): "uint8 a\nstring b\nfloat64 c",
+        ("x_msgs", "msg", "Whole"): fields,
+    }
+    store = Store(texts, ros=2)
+    whole = CdrTypes(store, store).find("x_msgs/Whole")
+    part = store.message("x_msgs/Part").struct_type
+    value = whole.type.struct_type(
+        two=[part(b="abc"), part(b="")], any=[part(b="x" * i) for i in range(3)], g=[True] * 5, names=["one", "two"]
+    )
+    raw = whole.encode(Message(whole.type, value))
+    assert whole.decode(raw, 0) == value
+    # Two and three parts with a text each, one message without fields, and two names.
+    assert count_objects(raw, whole.name, whole.definitions, 100) == 2 * 2 + 2 * 3 + 1 + 2
+    assert count_objects(raw, whole.name, whole.definitions, 5) > 5
+    for length in (4, 20, len(raw) - 12):
+        with pytest.raises((struct.error, IndexError)):
+            count_objects(raw[:length], whole.name, whole.definitions, 100)
+
+
+def test_text_of_wide_characters_is_refused_before_a_message_is() -> None:
+    with pytest.raises(PeerError, match="wstring"):
+        make_types(2)[1].find("example_interfaces/WString")
 
 
 @pytest.mark.parametrize("raw", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff\x7fab", b"\0\1\0\0\4\0\0\0\xff\xfe\xfd\0"])

@@ -42,6 +42,17 @@ def test_names_of_other_nodes_are_read(distro: Distro) -> None:
     assert node_names(distro, raw) == {READER: "/planner", WRITER: "/planner"}
 
 
+@pytest.mark.parametrize("distro", ["humble", "jazzy"])
+def test_names_of_any_length_keep_what_follows_in_its_place(distro: Distro) -> None:
+    for length in range(1, 9):
+        node = "/" + "s" * length, "n" * (9 - length) + "x" * length * 2
+        raw = write_discovery(distro, PROGRAM, node, [READER], [WRITER, WRITER])
+        (found,) = read(distro, raw).node_entities_info_seq
+        assert (found.node_namespace, found.node_name) == node
+        assert [bytes(key.data)[:16] for key in found.writer_gid_seq] == [WRITER, WRITER]
+        assert node_names(distro, raw) == dict.fromkeys([READER, WRITER], "/".join(node))
+
+
 def test_bytes_that_are_no_such_message_name_nobody() -> None:
     whole = write_discovery("jazzy", PROGRAM, ("/", "planner"), [READER], [WRITER])
     for length in range(len(whole)):

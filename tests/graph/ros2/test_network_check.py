@@ -84,6 +84,42 @@ def test_a_range_that_fits_is_good(found_by: Discovery, variables: dict[str, str
     assert not bad(replace(FOUND, found_by=found_by), {"ROS_DOMAIN_ID": "7"} | variables)
 
 
+@pytest.mark.parametrize(
+    ("seen", "variables", "text"),
+    [
+        (FOUND, LOCAL, "your nodes and the server look on this machine (ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST)"),
+        (LOST, {}, "your nodes look in the network (ROS_AUTOMATIC_DISCOVERY_RANGE is not set)"),
+        (
+            FOUND,
+            {"ROS_LOCALHOST_ONLY": "1", "ROS_STATIC_PEERS": "a"},
+            "your nodes and the server look on this machine (ROS_LOCALHOST_ONLY=1, ROS_STATIC_PEERS=a)",
+        ),
+    ],
+)
+def test_place_where_nodes_look_is_told_with_its_variables(
+    seen: SeenGraph, variables: dict[str, str], text: str
+) -> None:
+    assert check_graph(seen, variables)[1].text == text
+
+
+def test_pairs_that_fit_are_counted_and_none_is_said_in_words() -> None:
+    more = replace(THEIRS, node="/other")
+    texts = [
+        check_graph(replace(FOUND, endpoints=each), LOCAL)[3].text for each in ((OUR_IMU, THEIRS, more), (OUR_IMU,))
+    ]
+    assert texts == [
+        "all 2 pairs of publisher and subscription with the server fit",
+        "no other node publishes or subscribes to a topic of the server",
+    ]
+
+
+def test_topic_of_many_publishers_is_not_told_beside_one_that_has_a_sole_one() -> None:
+    sole = [replace(OUR_IMU, topic="/clock", node=node, is_sole=True) for node in (SERVER, "/bag")]
+    shared = [replace(OUR_IMU, topic="/chat", node=node) for node in (SERVER, "/bag")]
+    (finding,) = bad(replace(FOUND, endpoints=(*sole, *shared)), LOCAL)
+    assert finding.text == "two publish /clock: /bag and /rosbridge_sim"
+
+
 def test_files_that_configure_dds_are_named() -> None:
     (finding,) = [one for one in check_graph(FOUND, LOCAL | {"CYCLONEDDS_URI": "a"}) if one.advice]
     assert finding.advice == "if all else is ok: unset CYCLONEDDS_URI"

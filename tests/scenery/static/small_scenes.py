@@ -33,7 +33,7 @@ def corners(mesh: Mesh, *labels: Label) -> FloatArray:
 
 def area(mesh: Mesh, *labels: Label) -> float:
     """Area of some classes as seen from above; faces that look down count as negative [m^2]."""
-    return area_seen_from_above(mesh.vertices.astype(np.float64), mesh.triangles[np.isin(mesh.label, labels)])
+    return area_seen_from_above(mesh.vertices, mesh.triangles[np.isin(mesh.label, labels)])
 
 
 def thing(mesh: Mesh, label: Label) -> tuple[list[float], list[float]]:

@@ -1,0 +1,185 @@
+"""Buildings, trees, lamps and posts beside a straight road: shapes, distances, and how many there are."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.maps.road_map import Border, Crosswalk
+from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
+from rosbridge_sim.scenery.static.dressing import _cells, _crown, _far_apart, _fir, _spread
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.terrain import BELOW
+from tests.scenery.solid_figures import is_closed, parts_of, volume_of
+from tests.scenery.static.small_scenes import map_of
+from tests.world.road_factory import line, make
+
+LINES = (Border("", line((0, 0), (400, 0)), 501, ("Solid",)),)
+PEOPLE = (Crosswalk("", (line((40, -2), (44, -2), (44, 2), (40, 2)),)),)
+EDGE = 1.75
+"""Distance of the edges of the lane from its middle [m]."""
+
+
+@pytest.fixture(scope="module")
+def town() -> Mesh:
+    return static_mesh(map_of(make(a=(line((0, 0), (400, 0)), "")), borders=LINES, crosswalks=PEOPLE), "x", 0)
+
+
+@pytest.fixture(scope="module")
+def country() -> Mesh:
+    return static_mesh(map_of(make(a=(line((0, 0), (400, 0)), "")), borders=LINES), "x", 0)
+
+
+def solids(mesh: Mesh, label: Label, lit: Lit = Lit.NEVER) -> list[np.ndarray]:
+    """Corners of each solid of a class, map frame."""
+    which = (mesh.label == label) & (mesh.lit == lit)
+    parts = parts_of(mesh.triangles[which])
+    return [mesh.vertices[np.unique(part)].astype(np.float64) + mesh.origin for part in parts]
+
+
+def away_from_road(places: np.ndarray) -> np.ndarray:
+    beyond = np.maximum(np.maximum(-places[:, 0], places[:, 0] - 400.0), 0.0)
+    return np.asarray(np.hypot(beyond, places[:, 1]) - EDGE)
+
+
+@pytest.mark.parametrize(("name", "free", "num"), [("town", 3.4, (60, 110)), ("country", 1.5, (2, 12))])
+def test_buildings_keep_off_the_road_and_off_each_other(
+    name: str, free: float, num: tuple[int, int], request: pytest.FixtureRequest
+) -> None:
+    mesh = request.getfixturevalue(name)
+    houses = solids(mesh, Label.BUILDING)
+    assert num[0] <= len(houses) <= num[1]
+    for house in houses:
+        assert len(house) == 8
+        low, high = house[house[:, 2] < 0.0], house[house[:, 2] > 0.0]
+        assert low[:, 2] == pytest.approx(-BELOW - 1.0, abs=1e-4)
+        assert float(high[0, 2]) + BELOW == pytest.approx(
+            min((4, 7, 10, 13, 16, 22, 31), key=lambda h: abs(h - high[0, 2])), abs=1e-3
+        )
+        sides = np.linalg.norm(np.diff(low[:3, :2], axis=0), axis=1)
+        assert (12.0 <= sides[0] <= 24.0, 10.0 <= sides[1] <= 18.0) == (True, True)
+        assert away_from_road(low).min() > free
+        assert away_from_road(low.mean(axis=0)[None]).max() < 140.0
+    middles = np.array([house[:, :2].mean(axis=0) for house in houses])
+    radii = np.array([0.5 * np.ptp(house[:, :2], axis=0).max() for house in houses])
+    apart = np.linalg.norm(middles[:, None] - middles, axis=2) + 1e9 * np.eye(len(houses))
+    assert (apart > (radii[:, None] + radii) * 0.9 - 2.0).all()
+    roofs = mesh.normals[mesh.label == Label.BUILDING]
+    assert (roofs[:, 2] > 0.99).sum() == 2 * len(houses)
+    walls = mesh.colour[mesh.label == Label.BUILDING]
+    assert len(np.unique(walls, axis=0)) >= (6 if name == "town" else 2)
+    assert np.unique(walls[roofs[:, 2] > 0.99], axis=0).tolist() == [[112, 108, 106]]
+
+
+@pytest.mark.parametrize(("name", "free"), [("town", 3.4), ("country", 1.5)])
+def test_trees_stand_on_the_ground_beside_the_road_more_of_them_near_it(
+    name: str, free: float, request: pytest.FixtureRequest
+) -> None:
+    mesh = request.getfixturevalue(name)
+    parts = solids(mesh, Label.TREE)
+    trunks = [part for part in parts if len(part) == 10]
+    assert len(trunks) > 60
+    feet = np.array([trunk.mean(axis=0) for trunk in trunks])
+    away = away_from_road(feet)
+    assert away.min() > free + 1.5
+    assert away.max() < 98.0
+    near, far = (away < 30.0).sum() / (400.0 * 60.0), (away > 50.0).sum() / (500.0 * 96.0)
+    assert near > 2.0 * far
+    for trunk in trunks:
+        assert trunk[:, 2].min() == pytest.approx(-BELOW - 0.1, abs=1e-3)
+        assert 0.9 < np.ptp(trunk[:, 2]) < 3.3
+        assert 0.1 < np.ptp(trunk[:, 0]) < 0.45
+    tops = [part for part in parts if len(part) != 10]
+    assert {len(part) for part in tops} == {30, 14}  # crowns, and the cones of firs
+    crowns = [part for part in tops if len(part) == 30]
+    assert len(crowns) + sum(len(part) == 14 for part in tops) / 3 == len(trunks)
+    assert 1.4 < len(crowns) / (len(trunks) - len(crowns)) < 3.0
+    for part in tops:
+        assert 2.0 < np.ptp(part[:, 2]) < 9.0 or len(part) == 14
+        assert part[:, 2].min() + BELOW > 0.6
+        assert part[:, 2].max() < 10.8
+
+
+def test_no_tree_stands_in_a_house(town: Mesh) -> None:
+    houses = [house[:, :2] for house in solids(town, Label.BUILDING)]
+    feet = [part.mean(axis=0)[:2] for part in solids(town, Label.TREE) if len(part) == 10]
+    for house in houses:
+        middle = house.mean(axis=0)
+        reach = np.linalg.norm(house - middle, axis=1).max()
+        assert min(np.linalg.norm(foot - middle) for foot in feet) > reach + 1.9
+
+
+def test_street_lamps_stand_36_m_apart_on_the_right_of_a_lane_in_a_town_and_hang_over_it(town: Mesh) -> None:
+    poles = [part for part in solids(town, Label.POLE) if np.ptp(part[:, 2]) > 5.0]
+    arms = [part for part in solids(town, Label.POLE) if np.ptp(part[:, 2]) < 1.0]
+    glasses = solids(town, Label.POLE, Lit.IN_THE_DARK)
+    assert len(poles) == len(arms) == len(glasses) == 11
+    feet = np.array([pole[:, :2].mean(axis=0) for pole in poles])
+    assert feet[:, 0] == pytest.approx(18.0 + 36.0 * np.arange(11), abs=1e-3)
+    assert feet[:, 1] == pytest.approx(-EDGE - 1.1, abs=1e-3)
+    for pole, arm, glass in zip(poles, arms, glasses, strict=True):
+        assert (pole[:, 2].min(), np.ptp(pole[:, 2])) == pytest.approx((-BELOW - 0.1, 7.5), abs=1e-3)
+        assert np.ptp(pole[:, 0]) == pytest.approx(2 * 0.09, abs=0.01)
+        inwards = (EDGE + 1.1) + arm[:, 1]
+        assert (inwards.min(), inwards.max()) == pytest.approx((0.0, 1.7), abs=1e-3)
+        inwards = (EDGE + 1.1) + glass[:, 1]
+        assert (inwards.min(), inwards.max()) == pytest.approx((1.1, 1.9), abs=1e-3)
+        assert np.ptp(arm, axis=0)[[0, 2]] == pytest.approx([0.08, 0.08], abs=1e-3)
+        assert np.ptp(glass, axis=0)[[0, 2]] == pytest.approx([0.28, 0.1], abs=1e-3)
+        assert glass[:, 2].max() == pytest.approx(7.5 - BELOW - 0.1, abs=1e-3)
+
+
+def test_posts_with_red_caps_stand_beside_country_roads(country: Mesh) -> None:
+    parts = solids(country, Label.POLE)
+    posts, caps = ([part for part in parts if (np.ptp(part[:, 2]) > 0.5) == is_post] for is_post in (True, False))
+    assert len(posts) == len(caps) == 11
+    for post, cap in zip(posts, caps, strict=True):
+        assert post[:, 1].mean() == pytest.approx(-EDGE - 1.5, abs=1e-3)
+        assert np.ptp(post[:, 2]) == pytest.approx(0.95, abs=1e-3)
+        assert (cap[:, 2].min() - post[:, 2].max(), np.ptp(cap[:, 2])) == pytest.approx((0.0, 0.13), abs=1e-3)
+    colours = np.unique(country.colour[country.label == Label.POLE], axis=0).tolist()
+    assert colours == [[200, 60, 40], [206, 204, 198]]
+
+
+def test_short_lanes_have_neither_lamps_nor_posts() -> None:
+    mesh = static_mesh(map_of(make(a=(line((0, 0), (17, 0)), "")), borders=LINES), "x", 0)
+    assert not (mesh.label == Label.POLE).any()
+
+
+def test_crown_and_fir_are_closed_or_cones_that_look_outwards() -> None:
+    vertices, triangles = _crown(2.0, 1.5, 6.0, 0.3)
+    assert is_closed(triangles)
+    assert volume_of(vertices, triangles) > 0.5 * math.pi * 4.0 * 4.5 * 0.6
+    assert (vertices[:, 2].min(), vertices[:, 2].max()) == (1.5, 6.0)
+    assert np.hypot(*vertices[:, :2].T).max() == pytest.approx(0.95 * 2.0)
+    other, _ = _crown(2.0, 1.5, 6.0, 0.3 + 2 * math.pi / 7)
+    assert sorted(np.round(other[:, 2], 6)) == sorted(np.round(vertices[:, 2], 6))
+    vertices, triangles = _fir(1.7, 1.0, 7.4)
+    cones = [vertices[np.unique(part)] for part in parts_of(triangles)]
+    third = 6.4 / 3
+    assert [float(cone[:, 2].min()) for cone in cones] == pytest.approx([1.0 + 0.85 * third * k for k in range(3)])
+    assert [float(cone[:, 2].max()) for cone in cones] == pytest.approx([1.0 + third * (k + 1.3) for k in range(3)])
+    assert [np.hypot(*cone[:, :2].T).max() for cone in cones] == pytest.approx([1.7, 1.7 * 0.73, 1.7 * 0.46])
+
+
+def test_things_that_would_meet_give_way_to_the_first() -> None:
+    places = np.array([(0.0, 0.0), (15.0, 0.0), (50.0, 50.0), (39.0, 0.0), (41.0, 0.0), (-1.0, 30.0)])
+    assert _far_apart(places, np.full(6, 10.0)) == [0, 2, 3, 5]
+    assert _far_apart(places[[0, 3]], np.array([20.0, 20.5])) == [0, 1]  # they may touch by two metres
+    flat = np.column_stack([places, np.zeros(6)])
+    assert _spread(flat, 20.0) == [0, 2, 3, 5]
+    assert _spread(flat, 1.0) == list(range(6))
+
+
+def test_cells_have_a_place_each_over_the_map_and_140_m_around() -> None:
+    roads = make(a=(line((0, 0), (400, 0)), ""))
+    found = _cells(roads, 20.0, np.random.default_rng(0))
+    assert len(found) == 34 * 14
+    cells = np.floor((found - (-140.0, -140.0)) / 20.0)
+    assert len(np.unique(cells, axis=0)) == len(found)
+    within = (found - (-140.0, -140.0)) / 20.0 - cells
+    assert (within.min() >= 0.2, within.max() <= 0.8) == (True, True)
+    huge = make(a=(line((0, 0), (100_000, 0)), "b"), b=(line((100_000, 0), (100_000, 100_000)), ""))
+    assert 35_000 < len(_cells(huge, 11.0, np.random.default_rng(0))) <= 40_400
