@@ -12,7 +12,7 @@ import os
 import signal
 import time
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing.connection import Connection, wait
@@ -42,7 +42,7 @@ APART = {
     "tests/simulator/test_town_traffic.py",
     "tests/world/many_worlds/test_batch.py",
 }
-"""Files whose tests share nothing, and of which some take minutes: together they would keep one process busy alone."""
+"""Files whose long tests share nothing, and take up to minutes: together they would keep one process busy alone."""
 
 WORKER = "TEST_WORKER"
 """Environment variable: the number of this process among those that run tests."""
@@ -87,7 +87,8 @@ class ForkedWorkers:
         reporter = session.config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
             reporter.showfspath = False  # tests of several files end in turns
-        self._groups = _groups_of(session.items)
+        is_long = session.config.getoption("long", default=False)
+        self._groups = _groups_of(session.items, apart=APART if is_long else set())
         try:
             for _ in range(min(self._num_workers, len(self._groups))):
                 self._fork(session)
@@ -170,12 +171,12 @@ class ForkedWorkers:
             self._fork(session)
 
 
-def _groups_of(items: Iterable[pytest.Item]) -> list[list[int]]:
+def _groups_of(items: Iterable[pytest.Item], apart: Container[str]) -> list[list[int]]:
     """What is run in one process: the tests of a file, of several, or a single one; as places in the list of all."""
     groups: dict[str, list[int]] = defaultdict(list)
     for i, item in enumerate(items):
         file = _file_of(item)
-        groups[item.nodeid if file in APART else TOGETHER.get(file, file)].append(i)
+        groups[item.nodeid if file in apart else TOGETHER.get(file, file)].append(i)
     return list(groups.values())
 
 
