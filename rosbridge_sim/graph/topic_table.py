@@ -359,7 +359,7 @@ class TopicTable:
     def _drop_publisher(self, owner: Participant, topic: Topic, now: float) -> None:
         """Clean up after an owner that has stopped publishing there."""
         topic.on_demand.pop(owner, None)
-        self.unheard.forget(owner, topic)
+        self.unheard.forget((owner, topic))
         if topic.publishers:
             topic.forget_messages_of(owner)
         if topic.owner is owner:

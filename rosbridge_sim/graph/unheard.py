@@ -13,6 +13,7 @@ from itertools import islice
 from rosbridge_sim.graph.bus_state import Agenda
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.graph.unpublished import WatchedTopics
 from rosbridge_sim.suggestions import find_misspelt
 
 UNHEARD_AFTER = 5.0
@@ -33,45 +34,11 @@ MAX_LENGTH_DIFFERENCE = 4
 _SEPARATORS = str.maketrans("", "", "_-/")
 
 
-class UnheardTopics:
-    """Advertisements that began without a subscriber, oldest first."""
+class UnheardTopics(WatchedTopics[tuple[Participant, Topic]]):
+    """Advertisements that began without a subscriber, with their publisher, oldest first."""
 
     def __init__(self, agenda: Agenda) -> None:
-        self._agenda = agenda
-        self._watched: dict[tuple[Participant, Topic], tuple[float, Callable[[Topic], None]]] = {}
-
-    def watch(self, owner: Participant, topic: Topic, notify: Callable[[Topic], None], now: float) -> None:
-        """Judge a topic if it has no subscriber after `UNHEARD_AFTER`.
-
-        Args:
-            owner: the publisher.
-            topic: what it has advertised.
-            notify: called with the topic, at most once.
-        """
-        if not is_heard(topic) and len(self._watched) < MAX_WATCHED_PUBLISHERS:
-            self._watched.setdefault((owner, topic), (now + UNHEARD_AFTER, notify))
-            self._agenda.announce(now + UNHEARD_AFTER)
-
-    def forget(self, owner: Participant, topic: Topic) -> None:
-        """Stop watching a publisher; an unknown one is not an error.
-
-        Args:
-            owner: the publisher.
-        """
-        self._watched.pop((owner, topic), None)
-
-    def next_due(self) -> float | None:
-        """Return when `take_due` has something to return next [s]; None if never."""
-        for due, _ in self._watched.values():  # all wait for the same time, so the first is the earliest
-            return due
-        return None
-
-    def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
-        """Return the topics without a subscriber that should be judged now, with what tells the publisher."""
-        due = [each for each in islice(self._watched.items(), MAX_TOLD_PUBLISHERS) if each[1][0] <= now]
-        for key, _ in due:
-            del self._watched[key]
-        return [(topic, notify) for (_, topic), (_, notify) in due if not is_heard(topic)]
+        super().__init__(agenda, UNHEARD_AFTER, MAX_WATCHED_PUBLISHERS, MAX_TOLD_PUBLISHERS, is_heard)
 
 
 def is_heard(topic: Topic) -> bool:

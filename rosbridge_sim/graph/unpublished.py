@@ -7,8 +7,9 @@ publisher after some seconds is told, at level `info`. Clients get that level on
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from itertools import islice
+from typing import Generic, TypeVar
 
 from rosbridge_sim.graph.bus_state import Agenda
 from rosbridge_sim.graph.topics_services import Subscription, Topic
@@ -24,7 +25,59 @@ MAX_TOLD_AT_ONCE = 20
 """Subscribers that are told in one turn, about 0.2 ms each; the others in the next turn."""
 
 
-class UnpublishedTopics:
+K = TypeVar("K", bound=Hashable)
+Notify = Callable[[Topic], None]
+
+
+class WatchedTopics(Generic[K]):
+    """Topics that began without the other side, oldest first. Who waits for it is told once.
+
+    Args:
+        most_watched: numbers that are watched at once; further ones are not told.
+        most_at_once: numbers that are told in one turn.
+        has_other_side: returns whether nobody has to be told any more.
+    """
+
+    def __init__(
+        self, agenda: Agenda, wait: float, most_watched: int, most_at_once: int, has_other_side: Callable[[Topic], bool]
+    ) -> None:
+        self._agenda = agenda
+        self._wait = wait
+        self._most_watched = most_watched
+        self._most_at_once = most_at_once
+        self._has_other_side = has_other_side
+        self._watched: dict[K, tuple[float, Topic, Notify]] = {}
+
+    def watch(self, key: K, topic: Topic, notify: Notify, now: float) -> None:
+        """Have the owner told if its topic still has no other side after some seconds.
+
+        Args:
+            key: what is watched.
+            notify: called with the topic, at most once.
+        """
+        if not self._has_other_side(topic) and len(self._watched) < self._most_watched:
+            self._watched.setdefault(key, (now + self._wait, topic, notify))
+            self._agenda.announce(now + self._wait)
+
+    def forget(self, key: K) -> None:
+        """Stop watching; an unknown key is not an error."""
+        self._watched.pop(key, None)
+
+    def next_due(self) -> float | None:
+        """Return when `take_due` has something to return next [s]; None if never."""
+        for due, _, _ in self._watched.values():  # all wait for the same time, so the first is the earliest
+            return due
+        return None
+
+    def take_due(self, now: float) -> list[tuple[Topic, Notify]]:
+        """Return the topics about which should be told now, with the function that does so."""
+        due = [each for each in islice(self._watched.items(), self._most_at_once) if each[1][0] <= now]
+        for key, _ in due:
+            del self._watched[key]
+        return [(topic, notify) for _, (_, topic, notify) in due if not self._has_other_side(topic)]
+
+
+class UnpublishedTopics(WatchedTopics[Subscription]):
     """Subscriptions that began without a publisher, oldest first.
 
     Attributes:
@@ -35,35 +88,8 @@ class UnpublishedTopics:
     """
 
     def __init__(self, agenda: Agenda) -> None:
-        self._agenda = agenda
+        super().__init__(
+            agenda, UNPUBLISHED_AFTER, MAX_WATCHED_SUBSCRIPTIONS, MAX_TOLD_AT_ONCE, lambda topic: bool(topic.publishers)
+        )
         self.advise: Callable[[Topic], str] = lambda _topic: ""
         self.advise_name: Callable[[str], str] = lambda _name: ""
-        self._watched: dict[Subscription, tuple[float, Callable[[Topic], None]]] = {}
-
-    def watch(self, subscription: Subscription, notify: Callable[[Topic], None], now: float) -> None:
-        """Tell a subscriber if its topic has no publisher after `UNPUBLISHED_AFTER`.
-
-        Args:
-            subscription: a new subscription.
-            notify: called with the topic, at most once.
-        """
-        if not subscription.topic.publishers and len(self._watched) < MAX_WATCHED_SUBSCRIPTIONS:
-            self._watched[subscription] = (now + UNPUBLISHED_AFTER, notify)
-            self._agenda.announce(now + UNPUBLISHED_AFTER)
-
-    def forget(self, subscription: Subscription) -> None:
-        """Stop watching a subscription; an unknown one is not an error."""
-        self._watched.pop(subscription, None)
-
-    def next_due(self) -> float | None:
-        """Return when `take_due` has something to return next [s]; None if never."""
-        for due, _ in self._watched.values():  # all wait for the same time, so the first is the earliest
-            return due
-        return None
-
-    def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
-        """Return the topics whose subscribers should be told now, with the function that tells them."""
-        due = [each for each in islice(self._watched.items(), MAX_TOLD_AT_ONCE) if each[1][0] <= now]
-        for subscription, _ in due:
-            del self._watched[subscription]
-        return [(subscription.topic, notify) for subscription, (_, notify) in due if not subscription.topic.publishers]

@@ -47,7 +47,7 @@ def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_
     bus.provide(provider, "/add", ADD, provider.hold)
     bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=UNPUBLISHED_AFTER + 1.0)
     subscription = bus.subscribe(listener, "/t", listener.deliver, type_name=STRING)
-    bus.unpublished.watch(subscription, lambda _topic: None, 0.0)
+    bus.unpublished.watch(subscription, subscription.topic, lambda _topic: None, 0.0)
     assert bus.next_deadline() == UNPUBLISHED_AFTER
     bus.expire(UNPUBLISHED_AFTER)
     assert bus.next_deadline() == UNPUBLISHED_AFTER + 1.0

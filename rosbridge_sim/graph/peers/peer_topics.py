@@ -92,7 +92,7 @@ class PeerTopics:
         topic = self._bus.advertise(self._peer, op.topic, type_name, depth=depth, key=key)
         self.num_held += self._count_keys(op.topic) - num_keys
         if topic.name not in self._judged and len(self._judged) < MAX_WATCHED_TOPICS:
-            self._bus.unheard.watch(self._peer, topic, self._note_unheard, now)
+            self._bus.unheard.watch((self._peer, topic), topic, self._note_unheard, now)
         return topic
 
     def _note_unheard(self, topic: Topic) -> None:
@@ -192,7 +192,7 @@ class PeerTopics:
             subscription = bus.subscribe(self._peer, op.topic, deliver, type_name=type_name, notify=notify)
             held = self._subscriptions[op.topic] = _TopicSubscription(feed, subscription)
             if len(self._subscriptions) <= MAX_WATCHED_TOPICS:
-                bus.unpublished.watch(subscription, self._note_unpublished, now)
+                bus.unpublished.watch(subscription, subscription.topic, self._note_unpublished, now)
         elif type_name is not None:
             was_mute = bus.topic_table.retype(held.subscription, type_name)
         feed = held.feed
