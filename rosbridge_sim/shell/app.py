@@ -133,9 +133,8 @@ class Simulator:
         self._reports: ServerTopics | None = None
         self._recorder: BagRecorder | None = None
         self._port_file: PortFile | None = None
-        self._recordings: DiskRecordings | None = None
         self._quota: DataQuota | None = None
-        self._reader: ThreadReader | None = None
+        self._readers: tuple[ThreadReader, ...] = ()
         self._worker: SensorThread | None = None
         self._stopping: asyncio.Task[None] | None = None
         self._thread: LoopThread | None = None
@@ -187,9 +186,7 @@ class Simulator:
         if self._server is None or self._scheduler is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
-        num_loads = sum(
-            reader.num_bugs for reader in (self._reader, self._recordings, self._worker) if reader is not None
-        )
+        num_loads = sum(reader.num_bugs for reader in (*self._readers, self._worker) if reader is not None)
         is_standing = self.node is not None and self.node.failure is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
         return num_frames + num_loads + num_guarded + (self._scheduler.is_failed or is_standing)
@@ -300,7 +297,7 @@ class Simulator:
         stamps = None if node is None else choose_stamps(settings, node)
         clocks: list[Clock] = [] if node is None else [node]
         scheduler = Scheduler(loop, bus, clocks, self._give_up, announcing=[republisher])
-        recordings.on_done = reader.on_done = scheduler.look
+        recordings.reader.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
         tell_of_world(server, node, reader)
         server.page = web_page_of(settings, loop)
@@ -325,7 +322,7 @@ class Simulator:
         server.render_metrics = Metrics(
             loop, server, node, refusals, lambda: self.num_bugs, ages=self._bridge_ages
         ).render
-        self._recordings, self._reader = recordings, reader
+        self._readers = (recordings.reader, reader)
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         self._warn(server, limits)
         await self._finish_start()
@@ -472,10 +469,9 @@ class Simulator:
         self._is_stopped = self.bus is not None
         parts = (
             self._scheduler,
-            self._recordings,
             self._quota,
             self.descriptors,
-            self._reader,
+            *self._readers,
             self._worker,
             self._reports,
             self._ros2,

@@ -194,7 +194,7 @@ class SceneFilm:
         from rosbridge_sim.shell.bags.bag_reader import read_recording  # noqa: PLC0415
 
         builder = RecordingBuilder(path.name, self._node.context.convert)
-        recording = read_recording(path, builder, texts, lambda: None)
+        recording = read_recording(path, builder, texts)
         why = self._node.component(Replay).play(recording, self._now)
         if why:
             raise DocumentError(f"--recording: {path}: {why}")

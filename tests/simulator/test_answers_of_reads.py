@@ -215,7 +215,7 @@ async def test_replay_is_answered_whatever_fails_in_reading(tmp_path: Path, odd:
         play = {"sim_process_status": 1, "replay_option": 1, "rosbag_file_name": "drive"}
         answer = await asker.call("/Morai_SimProc", {"request": play})
         assert not answer.is_ok or not result_of(answer)
-    assert recordings.num_bugs == 3
+    assert recordings.reader.num_bugs == 3
 
 
 async def test_replay_is_answered_whatever_fails_in_showing_it() -> None:

@@ -8,6 +8,7 @@ that can be read (for years, rosbag2 stored none), those of the current release 
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -53,30 +54,29 @@ MAX_EGO_TOPICS: Final = 100
 """Topics with states of egos that are replayed: as many as a world may have egos, and more."""
 
 _BREATH: Final = 100
-"""Messages after which the reading thread lets other threads run."""
+"""Messages after which a thread that reads lets other threads run."""
 
 
-def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe: Callable[[], None]) -> Recording:
+def read_recording(path: Path, reading: RecordingBuilder, texts: Texts) -> Recording:
     """Return the recording in a bag; an empty one if there is nothing to replay.
 
     Args:
         path: `.bag`, `.mcap`, `.db3`, or a folder of rosbag2.
         reading: a new builder; takes the messages.
         texts: definitions for a bag without its own.
-        breathe: called now and then; an error that it raises ends the reading.
 
     Raises:
         DocumentError: the bag is broken, is not a bag, or is too large.
     """
     with open_reader(path) as bag:
         types = BagTypes(texts, is_ros1=path.suffix == ".bag")
-        egos = _find_egos(bag, path, types, breathe)
+        egos = _find_egos(bag, path, types)
         chosen = _choose(bag.connections, egos, reading)
         held = {one.msgtype for one in chosen}
         start_ns: int | None = None
         for connection in chosen:
             take = _taker(connection, held, egos[connection.topic], reading, types)
-            for _, stamp_ns, raw in read_messages(bag, [connection], path, breathe):
+            for _, stamp_ns, raw in read_messages(bag, [connection], path):
                 start_ns = stamp_ns if start_ns is None else min(start_ns, stamp_ns)
                 try:
                     take(raw, stamp_ns)
@@ -85,7 +85,7 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                 except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
                     what = f"{connection.topic}: {_first_line(error)}"
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
-        plans = _read_plans(bag, path, start_ns or 0, types, breathe, reading=reading) if chosen else ()
+        plans = _read_plans(bag, path, start_ns or 0, types, reading=reading) if chosen else ()
     recording = replace(reading.finish(), plans=plans)
     _ = recording.digest  # kept with it: later it would keep the event loop waiting
     return recording
@@ -142,7 +142,6 @@ def _read_plans(
     path: Path,
     start_ns: int,
     types: BagTypes,
-    breathe: Callable[[], None],
     *,
     reading: RecordingBuilder,
 ) -> tuple[RecordedPlan, ...]:
@@ -155,7 +154,6 @@ def _read_plans(
         path: of the bag.
         start_ns: time in the bag at which the recording begins [ns].
         types: of the bag.
-        breathe: see `read_recording`.
         reading: takes the notes.
 
     Raises:
@@ -172,7 +170,7 @@ def _read_plans(
         if key not in decoders and len(decoders) >= MAX_PLAN_TOPICS:
             num_beyond += 1
             continue
-        breathe()
+        time.sleep(0)
         try:
             resolve(connection.topic)
             decoders[key] = _plain_decoder(connection, types)
@@ -180,7 +178,7 @@ def _read_plans(
             reading.note(f"{error}: it is left out")
             continue
         messages = found.setdefault(key, [])
-        for _, stamp_ns, raw in read_messages(bag, [connection], path, breathe):
+        for _, stamp_ns, raw in read_messages(bag, [connection], path):
             if len(raw) > most_bytes:
                 num_long += 1
                 continue
@@ -253,7 +251,7 @@ def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Rec
     return [one for one in held if one.topic in topics and one.msgtype in types]
 
 
-def _find_egos(bag: Reader1 | Reader2, path: Path, types: BagTypes, breathe: Callable[[], None]) -> dict[str, int]:
+def _find_egos(bag: Reader1 | Reader2, path: Path, types: BagTypes) -> dict[str, int]:
     """Return topic -> number of its ego.
 
     The number comes from the topic's prefix, or from its messages if several topics have other names.
@@ -268,7 +266,7 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, types: BagTypes, breathe: Cal
     if len({one.topic for one in unclear}) < 2 or any(one.topic == _USUAL[_EGO] for one in unclear):  # noqa: PLR2004
         return egos
     for connection in unclear[:MAX_UNCLEAR]:
-        breathe()
+        time.sleep(0)
         with suppress(Exception):  # errors in the bytes are reported when all messages are read
             _, _, raw = next(read_messages(bag, [connection], path))
             message: Any = types.decoder(connection)(raw)
@@ -306,12 +304,8 @@ def open_reader(path: Path) -> Iterator[Reader1 | Reader2]:
         reader.close()
 
 
-def _ignore() -> None:
-    """Do nothing between two messages."""
-
-
 def read_messages(
-    bag: Reader1 | Reader2, connections: list[Connection], path: Path, breathe: Callable[[], None] = _ignore
+    bag: Reader1 | Reader2, connections: list[Connection], path: Path
 ) -> Iterator[tuple[Connection, int, bytes]]:
     """Yield connection, stamp [ns] and bytes of each message of these topics, in order of the stamps.
 
@@ -319,7 +313,6 @@ def read_messages(
         bag: the open bag.
         connections: of the topics; at least one.
         path: of the bag, for errors.
-        breathe: called now and then.
 
     Raises:
         DocumentError: they are not where the index says, or are incomplete.
@@ -327,7 +320,7 @@ def read_messages(
     found = bag.messages(connections=connections)
     for i in range(sum(one.msgcount for one in connections)):
         if i % _BREATH == 0:
-            breathe()
+            time.sleep(0)
         try:
             message = next(found, None)
         except Exception as error:  # noqa: BLE001 - as above

@@ -1,7 +1,6 @@
 """Recordings in the data folder, found by name and read in a thread.
 
-Reading a bag of ten minutes takes seconds, so a separate thread does it while the event loop serves clients. The thread
-shares nothing: it fills its own `RecordingBuilder` and returns it when it is done.
+Reading a bag of ten minutes takes seconds, so a thread does it while the event loop serves clients (`ThreadReader`).
 A name is searched in the data folder and in its folder `Replay`, with or without suffix. It may be a path, but it must
 stay inside the data folder.
 """
@@ -9,10 +8,7 @@ stay inside the data folder.
 from __future__ import annotations
 
 import asyncio
-import logging
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Final
@@ -21,8 +17,11 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.bags.bag_reader import read_recording
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.shell.files.sensor_data_store import OWN_NAME
-from rosbridge_sim.simulator.replays.recorded_drive import Recording
+from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Then
+
+BAG_PATIENCE: Final = 3_600.0
+"""Time after which a client is told that its bag cannot be read [s]: a bag of hours takes minutes."""
 
 REPLAY_FOLDER: Final = "Replay"
 """Folder for recordings within the data folder."""
@@ -35,15 +34,12 @@ MAX_RECORDINGS_LISTED: Final = 20
 
 _SUFFIXES: Final = ("", ".bag", ".mcap")
 
-_log = logging.getLogger("rosbridge_sim.replay")
-
 
 class DiskRecordings:
     """Recordings by name, read in threads.
 
     Attributes:
-        on_done: called after each result was delivered, because the world may have changed.
-        num_bugs: number of recordings that failed by an internal error; each is in the log with its traceback.
+        reader: its threads.
     """
 
     def __init__(self, folder: str | Path, texts: Texts, loop: asyncio.AbstractEventLoop) -> None:
@@ -54,12 +50,9 @@ class DiskRecordings:
             texts: current definitions, for bags that have none.
             loop: delivers the results.
         """
-        self.on_done: Callable[[], None] = _nothing
-        self.num_bugs = 0
+        self.reader = ThreadReader(loop, BAG_PATIENCE)
         self._folder = Path(folder)
         self._texts = texts
-        self._loop = loop
-        self._is_stopped = threading.Event()
 
     def read(self, name: str, reading: RecordingBuilder, then: Then) -> None:
         """See `Recordings`.
@@ -68,51 +61,7 @@ class DiskRecordings:
             reading: a new builder.
             then: called with the result.
         """
-        threading.Thread(target=self._read, args=(name, reading, then), name="replay", daemon=True).start()
-
-    def stop(self) -> None:
-        """Deliver no more results, and end the threads soon."""
-        self._is_stopped.set()
-
-    def _read(self, name: str, reading: RecordingBuilder, then: Then) -> None:
-        """Find and read a recording in a thread, and deliver the result."""
-        outcome: Recording | DocumentError
-        is_bug = False
-        try:
-            path = find_recording(self._folder, name)
-            outcome = read_recording(path, reading, self._texts, self._breathe)
-        except DocumentError as error:
-            outcome = error
-        except BaseException:  # noqa: BLE001 - the caller needs an answer, whatever fails
-            _log.exception("internal error: recording %s could not be read", name[:80])
-            outcome, is_bug = DocumentError(f"{reading.name}: cannot be read; the server's log says why"), True
-        with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._deliver, then, outcome, is_bug)
-
-    def _breathe(self) -> None:
-        if self._is_stopped.is_set():
-            raise DocumentError("the server is stopping")
-        time.sleep(0)
-
-    def _deliver(
-        self,
-        then: Then,
-        outcome: Recording | DocumentError,
-        is_bug: bool,  # noqa: FBT001 - asyncio passes by position
-    ) -> None:
-        self.num_bugs += is_bug
-        if self._is_stopped.is_set():
-            return
-        try:
-            then(outcome, self._loop.time())
-        except Exception:  # noqa: BLE001 - an internal error: this replay is lost, everything else goes on
-            self.num_bugs += 1
-            _log.exception("internal error: a recording could not be replayed")
-        self.on_done()
-
-
-def _nothing() -> None:
-    """Do nothing: there is no callback for results yet."""
+        self.reader.read(lambda: read_recording(find_recording(self._folder, name), reading, self._texts), then, 0.0)
 
 
 # Names

@@ -76,7 +76,7 @@ def read(path: Path) -> Recording | None:
     """The recording in a file; None where it is refused in one line."""
     reading = RecordingBuilder(path.name, Converter(store(1)))
     try:
-        return read_recording(path, reading, read_definitions("22.R2"), lambda: None)
+        return read_recording(path, reading, read_definitions("22.R2"))
     except DocumentError as error:
         assert is_one_line(str(error)), error  # noqa: PT017 - either is right
         return None

@@ -34,7 +34,7 @@ EGO, OBJECTS, INFO = "morai_msgs/EgoVehicleStatus", "morai_msgs/ObjectStatusList
 def read(path: Path, release: str = "22.R2") -> Recording:
     texts = read_definitions(release)
     reading = RecordingBuilder(path.name, Converter(Store(texts, leniency=LENIENCY)))
-    return read_recording(path, reading, texts, lambda: None)
+    return read_recording(path, reading, texts)
 
 
 def write(path: Path, topics: dict[str, tuple[str, list[dict[str, Any]]]], release: str = "22.R2") -> Path:

@@ -179,13 +179,13 @@ async def test_stopping_server_does_not_wait_for_a_read(tmp_path: Path) -> None:
     recordings = DiskRecordings(tmp_path, texts, asyncio.get_running_loop())
     taken: list[object] = []
     done = asyncio.Event()
-    recordings.on_done = done.set
+    recordings.reader.on_done = done.set
     convert = Converter(Store(texts, leniency=LENIENCY))
     recordings.read("a", RecordingBuilder("a", convert), lambda outcome, _now: taken.append(outcome))
     await done.wait()
     assert isinstance(taken.pop(), Recording)
     recordings.read("b", RecordingBuilder("b", convert), lambda outcome, _now: taken.append(outcome))
-    recordings.stop()
+    recordings.reader.stop()
     await asyncio.sleep(0)
     assert not taken
 
@@ -197,7 +197,7 @@ async def test_failed_use_of_a_recording_does_not_block_the_next_one(
     texts = read_definitions("22.R2")
     recordings = DiskRecordings(tmp_path, texts, asyncio.get_running_loop())
     done = asyncio.Event()
-    recordings.on_done = done.set
+    recordings.reader.on_done = done.set
     convert = Converter(Store(texts, leniency=LENIENCY))
 
     def fail(_outcome: object, _now: float) -> None:
@@ -210,5 +210,5 @@ async def test_failed_use_of_a_recording_does_not_block_the_next_one(
             await done.wait()
         done.clear()
     assert isinstance(taken.pop(), Recording)
-    assert recordings.num_bugs == 1
+    assert recordings.reader.num_bugs == 1
     assert [record.exc_info is not None for record in caplog.records] == [True]
