@@ -127,6 +127,15 @@ ensure_rclpy() {
     fi
 }
 
+# ensure_ros1: nodes and tools of ROS 1 for the long tests, of Debian.
+ensure_ros1() {
+    local package
+    for package in python3-rospy python3-roslaunch python3-rosnode python3-rostopic python3-rosservice python3-rosparam \
+        python3-std-srvs python3-sensor-msgs libroscpp-dev libstd-srvs-dev; do
+        ensure_debian "$package" 'the tests with nodes of ROS 1' dpkg -s "$package"
+    done
+}
+
 # ensure_torch: stable-baselines3 on Debian's torch for the long tests, in an environment of their own: .venv/torch, 220 MB.
 # A torch from PyPI takes 4.6 GB. stable-baselines3 asks for a newer one, and runs on this one.
 ensure_torch() {

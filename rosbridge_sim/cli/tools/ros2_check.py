@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Final, cast, get_args
 
-from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.cli.tools.findings import put_findings
 from rosbridge_sim.graph.ros2.discovery_info import Distro
 from rosbridge_sim.graph.ros2.network_check import check_graph, domain_of
 from rosbridge_sim.shell.ros2.looking import look_at_domain
@@ -33,15 +33,4 @@ def check_ros2(domain: int | None, distro: str | None, patience: float, *, is_js
     chosen = domain if domain is not None else own if own is not None else 0
     known = distro or environment.get("ROS_DISTRO", "")
     seen = look_at_domain(chosen, cast("Distro", known if known in get_args(Distro) else DEFAULT_DISTRO), patience)
-    findings = check_graph(seen, environment)
-    if is_json:
-        put_json([one._asdict() for one in findings])
-    else:
-        for i, one in enumerate(findings, 1):
-            first, *rest = one.text.splitlines()
-            put(f"{i}. {one.step}: {'ok' if one.is_good else 'WRONG'}: {first}")
-            for line in rest:
-                put(f"   {line}")
-            if one.advice:
-                put(f"   -> {one.advice}")
-    return 0 if all(one.is_good for one in findings) else 1
+    return put_findings(check_graph(seen, environment), is_json=is_json)

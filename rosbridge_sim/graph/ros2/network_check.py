@@ -8,8 +8,9 @@ too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, Literal, NamedTuple
+from typing import Final, Literal
 
+from rosbridge_sim.graph.gateway.finding import Finding
 from rosbridge_sim.graph.gateway.quality import Quality, why_unheard
 from rosbridge_sim.graph.gateway.sentences import name_some, node_text
 from rosbridge_sim.records import Record
@@ -84,21 +85,6 @@ class SeenGraph(Record):
     other_domains: Sequence[int]
     why_no_loopback: str
     frames: Sequence[tuple[str, SeenEndpoint]] = ()
-
-
-class Finding(NamedTuple):
-    """The result of one step.
-
-    Attributes:
-        is_good: nothing is wrong there.
-        text: what was found.
-        advice: what to do; empty if nothing.
-    """
-
-    step: str
-    is_good: bool
-    text: str
-    advice: str = ""
 
 
 def domain_of(environment: Mapping[str, str]) -> int | None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from rosbridge_sim.graph.gateway.finding import Finding
 from rosbridge_sim.graph.gateway.quality import PROFILES, Quality, why_unheard
-from rosbridge_sim.graph.ros2.network_check import Discovery, Finding, SeenEndpoint, SeenGraph, check_graph, domain_of
+from rosbridge_sim.graph.ros2.network_check import Discovery, SeenEndpoint, SeenGraph, check_graph, domain_of
 from rosbridge_sim.records import replace
 
 LOCAL = {"ROS_DOMAIN_ID": "7", "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
