@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,13 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from rosbridge_sim import Simulator  # noqa: E402
+from rosbridge_sim import Simulator, Worlds  # noqa: E402
 from rosbridge_sim.client import Client  # noqa: E402
 from rosbridge_sim.environments.registration import REMOTE, register_all  # noqa: E402
-from rosbridge_sim.errors import ClientError  # noqa: E402
+from rosbridge_sim.errors import ClientError, DocumentError  # noqa: E402
+from rosbridge_sim.maps.road_map import RoadMap  # noqa: E402
+from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
+from rosbridge_sim.worlds.remote_worlds import RemoteWorlds  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -87,6 +90,44 @@ def test_closed_environment_leaves_the_server_to_others(server: Simulator) -> No
         far.close()
     with Client(server.url) as client:
         assert client.start_sync() >= 0
+
+
+@pytest.mark.slow
+def test_world_of_a_server_is_commanded_and_begun_again_as_one_in_this_process(server: Simulator) -> None:
+    far = RemoteWorlds(server.url)
+    try:
+        far.reset(seeds=[5])
+        far.step({"steering": [[0.0]], "speed": 5.0}, 30)
+        assert (far.frames.tolist(), far.seeds) == ([30], [5])
+        assert far.scores()["score_distance"][0, 0] > 0.3
+        far.reset(np.array([False]))
+        assert far.frames.tolist() == [30]
+        far.reset()
+        assert (far.frames.tolist(), far.seeds, far.map_of(0).name) == ([0], [5], Worlds("loop").map_of(0).name)
+        with pytest.raises(ValueError, match=r"world: expected 0\.\.0, got 1"):
+            far.map_of(1)
+        with pytest.raises(ValueError, match="gear: expected none"):
+            far.step({"steering": 0.0, "accel": 0.0, "gear": 1})
+        refusals: list[Callable[[], None]] = [lambda: far.place(0), lambda: far.remove(0, 1)]
+        for refused in refusals:
+            with pytest.raises(ValueError, match="an ego of a server begins where its scenario has it"):
+                refused()
+    finally:
+        far.close()
+
+
+class OtherMaps(DiskLibrary):
+    """A library that has another map under each name."""
+
+    def map(self, name: str) -> RoadMap:
+        return super().map("hills" if name != "hills" else "track")
+
+
+@pytest.mark.slow
+def test_server_with_another_map_under_the_same_name_is_refused_and_left_to_others(server: Simulator) -> None:
+    for _ in range(2):  # the first attempt does not stay the master
+        with pytest.raises(DocumentError, match="the server has another one than this program"):
+            RemoteWorlds(server.url, library=OtherMaps())
 
 
 @pytest.mark.slow

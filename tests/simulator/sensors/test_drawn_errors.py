@@ -103,6 +103,7 @@ def test_ranges_and_intensities_have_their_deviations() -> None:
         (LidarNoise(drop_out=0.2), 50.0, 1.0, 0.2),
         (LidarNoise(drop_out_far=0.4), 50.0, 1.0, 0.1),
         (LidarNoise(drop_out_far=0.4), 100.0, 1.0, 0.4),
+        (LidarNoise(drop_out_far=0.4), 150.0, 1.0, 0.4),
         (LidarNoise(drop_out_grazing=0.5), 50.0, 0.2, 0.4),
         (LidarNoise(drop_out=0.5, drop_out_far=0.4, drop_out_grazing=0.5), 100.0, 0.0, 1.0 - 0.5 * 0.6 * 0.5),
     ],
@@ -110,6 +111,13 @@ def test_ranges_and_intensities_have_their_deviations() -> None:
 def test_echoes_are_lost_by_range_and_angle(noise: LidarNoise, away: float, slant: float, share: float) -> None:
     found = disturb_echoes(echoes(*[away] * 20_000, slant=slant), 100.0, noise, chance())
     assert np.isinf(found.ranges).mean() == pytest.approx(share, abs=0.012)
+
+
+def test_ranges_and_intensities_stay_within_their_bounds() -> None:
+    found = disturb_echoes(
+        echoes(*[0.5] * 2000, intensity=200.0), 100.0, LidarNoise(range=1.0, intensity=200.0), chance()
+    )
+    assert (found.ranges.min(), found.intensities.min(), found.intensities.max()) == (0.0, 0.0, 255.0)
 
 
 def test_ray_without_an_echo_stays_without_one() -> None:

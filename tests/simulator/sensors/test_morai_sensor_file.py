@@ -82,6 +82,8 @@ def test_principal_point_gives_the_size_in_each_form() -> None:
         ({"cameraFOV": 90, "focalLengthpixel": 500.0}, (1000, 750)),
         ({"cameraFOV": 0.5, "focalLengthpixel": 100_000}, (873, 655)),
         ({"focalLengthpixel": None}, (640, 480)),
+        ({"cameraFOV": 200.0}, (640, 480)),
+        ({"cameraFOV": 0.0}, (640, 480)),
         ({"principalPoint": "640,0"}, (640, 480)),
         ({"principalPoint": [0, 360]}, (640, 480)),
         ({"principalPoint": "640"}, (640, 480)),

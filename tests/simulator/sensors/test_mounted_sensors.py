@@ -101,7 +101,7 @@ def test_camera_info_has_the_focal_length_of_the_horizontal_field_of_view() -> N
     info = client.messages("/image_jpeg/camera_info")[0]
     assert (info["width"], info["height"], info["distortion_model"]) == (640, 480, "plumb_bob")
     assert info["K"] == pytest.approx([457.007, 0, 320, 0, 457.007, 240, 0, 0, 1], abs=1e-2)
-    assert info["P"][:3] == info["K"][:3]
+    assert info["P"] == pytest.approx([457.007, 0, 320, 0, 0, 457.007, 240, 0, 0, 0, 1, 0], abs=1e-2)
     assert info["D"] == [0.0] * 5
 
 

@@ -70,6 +70,14 @@ def test_fix_is_lost_as_often_and_as_long_as_the_document_says() -> None:
     assert has_fix.count(False) == pytest.approx(10 * 2 * 50, abs=10)
 
 
+def test_even_one_drop_out_in_an_hour_is_there() -> None:
+    chosen = noise(gps={"drop_outs_per_hour": 1, "drop_out_time": 900.0})
+    has_fix = [NoiseSource(chosen, 0, 0, frame).locate(HERE) is not None for frame in range(0, 180_000, 500)]
+    assert has_fix.count(False) == pytest.approx(90, abs=1)  # of 360 places, ten seconds apart
+    first, last = has_fix.index(False), len(has_fix) - has_fix[::-1].index(False)
+    assert not any(has_fix[first:last])
+
+
 def test_reading_of_the_unit_has_errors_in_all_its_values() -> None:
     read = NoiseSource(TYPICAL, 0, 0, 7).feel(STILL)
     assert sum(part * part for part in read.orientation) == pytest.approx(1.0)
@@ -154,7 +162,8 @@ def test_covariances_tell_the_errors() -> None:
     message = readings(1, sensor_noise=TYPICAL)[1][-1]
     assert message["linear_acceleration_covariance"][0] == pytest.approx(TYPICAL.imu.acceleration.variance)
     assert message["orientation_covariance"][8] == pytest.approx(TYPICAL.imu.yaw.variance)
-    assert message["angular_velocity_covariance"][1] == 0.0
+    variance = TYPICAL.imu.angular_velocity.variance
+    assert message["angular_velocity_covariance"] == pytest.approx([variance, 0, 0, 0, variance, 0, 0, 0, variance])
 
 
 def test_lost_fix_has_no_status_and_no_place() -> None:
