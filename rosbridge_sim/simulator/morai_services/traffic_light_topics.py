@@ -194,6 +194,4 @@ class TrafficLightTopics(Component):
             status = int(signals.shown[signals.plan.light(index)])
         except KeyError:
             index, status = "", NO_LIGHT
-        call.answer(
-            call.service.type.response.struct_type(self._make_info(self._header("TrafficLightStatus"), index, status))
-        )
+        call.respond(self._make_info(self._header("TrafficLightStatus"), index, status))

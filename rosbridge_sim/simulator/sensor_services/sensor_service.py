@@ -58,12 +58,11 @@ class SensorService(Component):
 
     def _serve(self, call: Call, now: float) -> None:
         request: Any = call.request
-        respond = call.service.type.response.struct_type
         ego = self._context.egos.find(request.ego)
         if ego is None:
             numbers = ", ".join(str(one.index) for one in self._context.egos)
             message = f"ego: expected the number of an ego, one of {numbers}; got {request.ego}"
-            call.answer(respond(result=False, message=message))
+            call.respond(result=False, message=message)
             return
         rig, message = self._mounted.rig_of(ego), ""
         try:
@@ -71,7 +70,7 @@ class SensorService(Component):
                 self._change(rig, call, now)
         except (PeerError, DocumentError) as error:
             message = str(error)
-        call.answer(respond(result=not message, message=message, sensors=self._list(rig)))
+        call.respond(result=not message, message=message, sensors=self._list(rig))
 
     def _change(self, rig: EgoRig, call: Call, now: float) -> None:
         """Remove, add and move sensors.

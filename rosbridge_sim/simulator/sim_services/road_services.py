@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -85,9 +84,9 @@ class RoadServices(Component):
         drawing = self.drawing
         if request.page >= drawing.num_pages:
             text = f"page: expected 0..{drawing.num_pages - 1}, got {request.page}"
-            self._refuse(call, FieldError(text))
+            call.fail(FieldError(text))
             return
-        call.answer(call.service.type.response.struct_type(**drawing.page(request.page)))
+        call.respond(**drawing.page(request.page))
 
     # Routes
 
@@ -100,7 +99,7 @@ class RoadServices(Component):
                 text = f"{MAX_WAITING_ROUTES} routes are being found; ask again after one of the answers"
                 raise GraphError(text, reason=Reason.TOO_FAST)
         except PeerError as error:
-            self._refuse(call, error)
+            call.fail(error)
             return
 
         def find() -> _Found:
@@ -111,16 +110,14 @@ class RoadServices(Component):
             if found is None:
                 here, there = roads.ids[start[0]], roads.ids[goal[0]]
                 text = f"no way leads from {here!r} to {there!r} along the links"
-                self._refuse(call, GraphError(text, reason=Reason.REFUSED))
+                call.fail(GraphError(text, reason=Reason.REFUSED))
                 return
             route, points = found
-            call.answer(
-                call.service.type.response.struct_type(
-                    result=True,
-                    links=[roads.ids[lane] for lane in route.lanes],
-                    points=[self._make_point(*point) for point in points.tolist()],
-                    length_m=route.length,
-                )
+            call.respond(
+                result=True,
+                links=[roads.ids[lane] for lane in route.lanes],
+                points=[self._make_point(*point) for point in points.tolist()],
+                length_m=route.length,
             )
 
         if len(roads) <= MAX_LANES_AT_ONCE:
@@ -136,7 +133,7 @@ class RoadServices(Component):
             if call.is_done:
                 return
             if isinstance(found, DocumentError):
-                self._refuse(call, GraphError(str(found)))
+                call.fail(GraphError(str(found)))
             else:
                 answer(found)
 
@@ -154,25 +151,18 @@ class RoadServices(Component):
             if near is None:
                 raise GraphError("the map has no lanes", reason=Reason.REFUSED)
         except PeerError as error:
-            self._refuse(call, error)
+            call.fail(error)
             return
-        call.answer(
-            call.service.type.response.struct_type(
-                result=True,
-                link=roads.ids[near.lane],
-                distance=near.s,
-                lateral=near.lateral,
-                heading_deg=math.degrees(near.yaw),
-                speed_limit=float(roads.speed_limit[near.lane]),
-                length=float(roads.length[near.lane]),
-                is_on_road=is_on_road(roads, x, y),
-            )
+        call.respond(
+            result=True,
+            link=roads.ids[near.lane],
+            distance=near.s,
+            lateral=near.lateral,
+            heading_deg=math.degrees(near.yaw),
+            speed_limit=float(roads.speed_limit[near.lane]),
+            length=float(roads.length[near.lane]),
+            is_on_road=is_on_road(roads, x, y),
         )
-
-    def _refuse(self, call: Call, error: PeerError) -> None:
-        """Answer that a question has no answer, and why."""
-        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))
 
 
 def _read_place(place: Struct, where: str, roads: Roads) -> tuple[int, float]:

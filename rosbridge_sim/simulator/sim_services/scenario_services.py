@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import Record
@@ -189,7 +188,7 @@ class Scenarios(Component):
                 raise GraphError(text, reason=Reason.TOO_FAST)
             work = choose(self._shelf)
         except PeerError as error:
-            self._refuse(call, error)
+            call.fail(error)
             return
 
         def then(outcome: T | DocumentError, _now: float) -> None:
@@ -197,13 +196,9 @@ class Scenarios(Component):
             if call.is_done:
                 return
             if isinstance(outcome, DocumentError):
-                self._refuse(call, GraphError(str(outcome), reason=Reason.REFUSED))
+                call.fail(GraphError(str(outcome), reason=Reason.REFUSED))
             else:
-                call.answer(call.service.type.response.struct_type(result=True, **answer(outcome)))
+                call.respond(result=True, **answer(outcome))
 
         self._num_waiting += 1
         self._reader.read(work, answering(call.refuse, then), now)
-
-    def _refuse(self, call: Call, error: PeerError) -> None:
-        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))

@@ -8,8 +8,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, Final
 
-from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.mesh_pages import MeshPages, mesh_pages
@@ -58,10 +57,10 @@ class SceneMesh(Component):
         if is_same and self._made is not None:
             self._answer(call, self._made)
         elif len(self._context.world.roads) > MAX_LANES:
-            self._refuse(call, GraphError(f"the map has more than {MAX_LANES:,} lanes", reason=Reason.TOO_MUCH))
+            call.fail(GraphError(f"the map has more than {MAX_LANES:,} lanes", reason=Reason.TOO_MUCH))
         elif len(self._waiting) >= MAX_WAITING:
             text = f"{MAX_WAITING} calls wait for the mesh; ask again after one of the answers"
-            self._refuse(call, GraphError(text, reason=Reason.TOO_FAST))
+            call.fail(GraphError(text, reason=Reason.TOO_FAST))
         else:
             self._waiting.append(call)
             if not is_same:
@@ -94,7 +93,7 @@ class SceneMesh(Component):
         if call.is_done:
             return
         if isinstance(outcome, DocumentError):
-            self._refuse(call, GraphError(str(outcome)))
+            call.fail(GraphError(str(outcome)))
         else:
             self._answer(call, outcome)
 
@@ -102,31 +101,25 @@ class SceneMesh(Component):
         request: Any = call.request
         if request.page >= len(mesh.pages):
             text = f"page: expected 0..{len(mesh.pages) - 1}, got {request.page}" if mesh.pages else "no roads"
-            self._refuse(call, FieldError(text))
+            call.fail(FieldError(text))
             return
         page = mesh.pages[request.page]
         x, y, z = page.middle
         scale_x, scale_y, scale_z = page.scale
-        call.answer(
-            call.service.type.response.struct_type(
-                result=True,
-                digest=mesh.digest,
-                map_digest=self._road_services.drawing.digest,
-                page=request.page,
-                num_pages=len(mesh.pages),
-                x=x,
-                y=y,
-                z=z,
-                scale_x=scale_x,
-                scale_y=scale_y,
-                scale_z=scale_z,
-                num_vertices=page.num_vertices,
-                num_triangles=page.num_triangles,
-                palette=page.palette,
-                data=page.data,
-            )
+        call.respond(
+            result=True,
+            digest=mesh.digest,
+            map_digest=self._road_services.drawing.digest,
+            page=request.page,
+            num_pages=len(mesh.pages),
+            x=x,
+            y=y,
+            z=z,
+            scale_x=scale_x,
+            scale_y=scale_y,
+            scale_z=scale_z,
+            num_vertices=page.num_vertices,
+            num_triangles=page.num_triangles,
+            palette=page.palette,
+            data=page.data,
         )
-
-    def _refuse(self, call: Call, error: PeerError) -> None:
-        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))

@@ -100,7 +100,7 @@ class Scores(Component):
         scores = self._scores()
         if request.reset:
             world.reset_scores()
-        call.answer(call.service.type.response.struct_type(result=True, message=message, scores=scores))
+        call.respond(result=True, message=message, scores=scores)
 
     def _scores(self) -> list[Struct]:
         """Make the scores of all egos, in their order."""

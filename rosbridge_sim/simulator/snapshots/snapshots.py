@@ -21,7 +21,7 @@ from hashlib import blake2b
 from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import Participant, check_reading, explain
+from rosbridge_sim.graph.participant import Participant, check_reading
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
@@ -125,9 +125,9 @@ class Snapshots(Component):
     # Hash
 
     def _tell_hash(self, call: Call, now: float) -> None:
-        make, frame = call.service.type.response.struct_type, self._context.world.frame
+        frame = self._context.world.frame
         if self._context.stepper.is_moving or self._context.sync.has_unready:  # there is no state to save
-            call.answer(make(frame, self._state.hash()))
+            call.respond(frame, self._state.hash())
             return
         state = self._state.save()
 
@@ -136,7 +136,7 @@ class Snapshots(Component):
             if isinstance(outcome, DocumentError):
                 call.refuse(str(outcome))
             else:
-                call.answer(make(frame, outcome))
+                call.respond(frame, outcome)
 
         size = state.size
         self._work(size, self._hash_maker(state, size), finish, call, now)
@@ -179,7 +179,7 @@ class Snapshots(Component):
             self._kept.expect(name, size)
         except Refusal as refusal:
             self._explain(call, refusal)
-            call.answer(struct_type(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
+            call.respond(False, str(refusal), "", self._context.world.frame, "", 0, b"")  # noqa: FBT003 - `result`
             return
         make_head, with_data = self._make_head(state), bool(request.with_data)
         make_hash = self._hash_maker(state, size)
@@ -280,7 +280,7 @@ class Snapshots(Component):
         infos = [
             self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in by_name.items()
         ]
-        call.answer(call.service.type.response.struct_type(not strange, message, infos, self._kept.num_bytes_free))
+        call.respond(not strange, message, infos, self._kept.num_bytes_free)
 
     def _no_such(self, name: str) -> str:
         known = ", ".join(list(self._kept.by_name)[-5:]) or "none"
@@ -470,18 +470,17 @@ class Snapshots(Component):
         self._context.barrier.restored(now)
         frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)
-        call.answer(call.service.type.response.struct_type(True, "", frame, head.state_hash))  # noqa: FBT003 - `result`
+        call.respond(True, "", frame, head.state_hash)  # noqa: FBT003 - `result`
 
     def _refuse(self, call: Call, error: Refusal | PeerError | DocumentError) -> None:
         if call.is_done:
             return
         self._explain(call, error)
-        make = call.service.type.response.struct_type
-        call.answer(make(False, str(error), self._context.world.frame, ""))  # noqa: FBT003 - `result`
+        call.respond(False, str(error), self._context.world.frame, "")  # noqa: FBT003 - `result`
 
     def _explain(self, call: Call, error: Refusal | PeerError | DocumentError) -> None:
         reason = Reason.WRONG_VALUE if isinstance(error, DocumentError) else error.reason
-        explain(call.caller, "warning", f"{call.service.name}: {error}", reason)
+        call.explain(error, reason, "warning")
 
 
 class _Restoration:
