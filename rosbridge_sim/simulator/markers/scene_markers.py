@@ -146,7 +146,7 @@ class SceneMarkers(Component):
         make = self._make
         # Time 0 stands for any time. A viewer that knows only the last seconds of a frame can place the map, too.
         store = self._context.bus.store
-        header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")(0, store.time_value(0), MAP)
+        header = maker(store, "std_msgs/Header", "seq stamp frame_id")(0, store.time_value(0), MAP)
         self._reader.read(
             lambda: make.array(make_map_markers(make, header, road_map)),
             lambda made, now: self._put_map(road_map, made, now),

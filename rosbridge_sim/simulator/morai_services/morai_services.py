@@ -61,16 +61,12 @@ class Services(Component):
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
         store = context.bus.store
-        self._make_cmd = late_maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
+        self._make_cmd = late_maker(store, "morai_msgs/SyncModeCmdResponse", "user_id frame result time_step")
         self._make_tick = late_maker(
-            store,
-            "morai_msgs/WaitForTickResponse",
-            *("tick_status", "pause_status", "frame", "vehicle_status", "time"),
+            store, "morai_msgs/WaitForTickResponse", "tick_status pause_status frame vehicle_status time"
         )
-        self._make_event = late_maker(
-            store, "morai_msgs/EventInfo", "option", "ctrl_mode", "gear", "lamps", "set_pause"
-        )
-        self._make_lamps = late_maker(store, "morai_msgs/Lamps", "header", "turnSignal", "emergencySignal")
+        self._make_event = late_maker(store, "morai_msgs/EventInfo", "option ctrl_mode gear lamps set_pause")
+        self._make_lamps = late_maker(store, "morai_msgs/Lamps", "header turnSignal emergencySignal")
         self._make_result = late_maker(store, "morai_msgs/SyncModeResultResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:

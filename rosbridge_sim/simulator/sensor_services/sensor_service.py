@@ -48,8 +48,7 @@ class SensorService(Component):
         self._make_info = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SensorInfo",
-            *("number", "kind", "frame_id", "topics", "rate", "measured", "skipped"),
-            *("x", "y", "z", "roll", "pitch", "yaw", "settings"),
+            "number kind frame_id topics rate measured skipped x y z roll pitch yaw settings",
         )
 
     def bind(self, bindings: SubscribersServices) -> None:

@@ -55,9 +55,9 @@ class Cloud(Sighting, eq=False):
 
 def _maker(store: Store) -> Callable[[Struct, Cloud], Struct]:
     """Return a function that makes the PointCloud2 of a turn."""
-    names = ("header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense")
-    make = maker(store, Lidar3dSpec.type_name, *names)
-    field = maker(store, "sensor_msgs/PointField", "name", "offset", "datatype", "count")
+    names = "header height width fields is_bigendian point_step row_step data is_dense"
+    make = maker(store, Lidar3dSpec.type_name, names)
+    field = maker(store, "sensor_msgs/PointField", "name offset datatype count")
     parts, step = POINT_TYPE.fields, POINT_TYPE.itemsize
     assert parts is not None, "it has fields"
     fields = [field(name, parts[name][1], _UINT16 if name == "ring" else _FLOAT32, 1) for name in parts]

@@ -33,8 +33,7 @@ class BarrierServices(Component):
         self._make = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/Barrier",
-            *("frame", "is_paused", "time_step", "deadline_s"),
-            *("members", "ticked", "waited_for", "joining", "leaving", "late_counts"),
+            "frame is_paused time_step deadline_s members ticked waited_for joining leaving late_counts",
         )
         hooks = context.barrier.hooks
         hooks.tell.append(_tell)

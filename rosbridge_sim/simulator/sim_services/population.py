@@ -72,8 +72,8 @@ class Population(Component):
         self._make_model = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/ModelInfo",
-            *("name", "kind", "is_own", "can_be_ego", "data_ids", "length", "width", "height", "wheelbase"),
-            *("front_overhang", "rear_overhang", "max_steer_deg", "max_accel", "max_decel", "mass"),
+            "name kind is_own can_be_ego data_ids length width height wheelbase front_overhang rear_overhang "
+            "max_steer_deg max_accel max_decel mass",
         )
 
     def bind(self, bindings: SubscribersServices) -> None:

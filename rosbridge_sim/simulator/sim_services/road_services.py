@@ -56,7 +56,7 @@ class RoadServices(Component):
         self._num_waiting = 0
         self._drawing: MapDrawing | None = None
         self._drawn: object = None  # the map that `_drawing` is of
-        self._make_point = late_maker(context.bus.store, "geometry_msgs/Point", "x", "y", "z")
+        self._make_point = late_maker(context.bus.store, "geometry_msgs/Point", "x y z")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

@@ -117,9 +117,9 @@ class Scenarios(Component):
         self._make_scenario = late_maker(
             store,
             "rosbridge_sim_msgs/ScenarioInfo",
-            *("name", "map", "num_egos", "num_vehicles", "num_pedestrians", "num_obstacles", "is_loaded", "problem"),
+            "name map num_egos num_vehicles num_pedestrians num_obstacles is_loaded problem",
         )
-        self._make_recording = late_maker(store, "rosbridge_sim_msgs/RecordingInfo", "name", "size", "modified")
+        self._make_recording = late_maker(store, "rosbridge_sim_msgs/RecordingInfo", "name size modified")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

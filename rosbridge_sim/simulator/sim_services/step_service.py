@@ -199,7 +199,7 @@ class StepService(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self.context = context
-        self._make_sample = late_maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic", "type", "message")
+        self._make_sample = late_maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic type message")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

@@ -104,8 +104,8 @@ class Snapshots(Component):
         after_frame.append(publish_hash)
         context.bus.on_topic.append(lambda _topic: after_frame.wake(publish_hash))
         store = context.bus.store
-        self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id", "frame", "size", "state_hash")
-        self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header", "frame", "hash")
+        self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id frame size state_hash")
+        self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header frame hash")
         types = [store.definition(f"morai_msgs/{name}") for name in HASHED_TYPES]
         fields = [[(field.type, field.name) for field in one.fields] for one in types]
         self._definitions = blake2b(repr(fields).encode(), digest_size=8).digest()
