@@ -31,7 +31,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.morai_services.morai_answers import request_of
-from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
+from rosbridge_sim.simulator.plain.reading import answering, read_while_held
 from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneCommand
@@ -57,18 +57,14 @@ class _Documents(Record, eq=False):
 class Loads(Component):
     """Component that loads scenarios."""
 
-    def __init__(
-        self, context: SimulatorContext, reader: Reader, networks: Networks | None, *, has_traffic: bool = False
-    ) -> None:
+    def __init__(self, context: SimulatorContext, networks: Networks | None, *, has_traffic: bool = False) -> None:
         """Read nothing yet.
 
         Args:
-            reader: runs the functions that read documents.
             networks: reads network settings of scenarios; None if there are none.
             has_traffic: each new scene is filled with traffic.
         """
         self._context = context
-        self._reader = reader
         self._networks = networks
         self._rehearsal = Rehearsal(context.world.dynamics, has_traffic=has_traffic)
         self._opening_network = context.interfaces.settings
@@ -189,7 +185,7 @@ class Loads(Component):
         context, name = self._context, request.file_name
         networks = self._networks if request.load_network_connection_data else None
         work = partial(_read_documents, context.library, networks, name, base, self._rehearsal)
-        read_while_held(self._reader, work, finish, partial(context.sync_driver.hold, caller), now)
+        read_while_held(self._context.reader, work, finish, partial(context.sync_driver.hold, caller), now)
 
     def _prepare(
         self,

@@ -23,7 +23,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.guest_publisher import GuestPublisher
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
@@ -64,19 +63,17 @@ _Batch = Sequence[tuple[_ShownPlan, bytes]]
 class ReplayedPlans:
     """Publisher of recorded plans; the world does not know of it, and neither do snapshots."""
 
-    def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback, reader: Reader) -> None:
+    def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback) -> None:
         """Publish nothing yet.
 
         Args:
             process: whether a recording moves the world.
             playback: the recording, and the position in it.
-            reader: decodes what would delay all clients.
         """
         self._context = context
         self._publisher = GuestPublisher(context.bus, "/replay")
         self._process = process
         self._playback = playback
-        self._reader = reader
         self._recording = Recording("")
         self._shown: dict[str, _ShownPlan] = {}
         self._shown_ns = -LONGEST_NS
@@ -191,7 +188,7 @@ class ReplayedPlans:
         self._is_decoding = True
         if is_tick:
             context.gate.close()
-        self._reader.read(work, then, now)
+        self._context.reader.read(work, then, now)
 
     def _decode(
         self, shown: _ShownPlan, raw: bytes, *, is_for_json: bool = False

@@ -19,7 +19,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
-from rosbridge_sim.simulator.plain.reading import Reader, answering
+from rosbridge_sim.simulator.plain.reading import answering
 from rosbridge_sim.simulator.sim_services.object_parsing import find_link
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.road_places import find_lane, is_on_road
@@ -45,14 +45,9 @@ class RoadServices(Component):
     It holds no state but the drawing of the map in use, which any program would make anew from the map.
     """
 
-    def __init__(self, context: SimulatorContext, reader: Reader) -> None:
-        """Offer nothing yet.
-
-        Args:
-            reader: finds routes on large maps.
-        """
+    def __init__(self, context: SimulatorContext) -> None:
+        """Offer nothing yet."""
         self._context = context
-        self._reader = reader
         self._num_waiting = 0
         self._drawing: MapDrawing | None = None
         self._drawn: object = None  # the map that `_drawing` is of
@@ -138,7 +133,7 @@ class RoadServices(Component):
                 answer(found)
 
         self._num_waiting += 1
-        self._reader.read(find, answering(call.refuse, then), now)
+        self._context.reader.read(find, answering(call.refuse, then), now)
 
     # Lanes
 

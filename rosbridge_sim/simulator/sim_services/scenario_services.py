@@ -16,7 +16,7 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader, answering
+from rosbridge_sim.simulator.plain.reading import answering
 
 MAX_LISTED: Final = 50
 """Scenarios of one answer: each is a file of 10 to 100 kB that is read, some 2 ms."""
@@ -102,15 +102,13 @@ class ScenarioShelf(Protocol):
 class Scenarios(Component):
     """The component of what can be loaded. It holds no state but the number of those that wait."""
 
-    def __init__(self, context: SimulatorContext, reader: Reader, shelf: ScenarioShelf | None) -> None:
+    def __init__(self, context: SimulatorContext, shelf: ScenarioShelf | None) -> None:
         """Offer nothing yet.
 
         Args:
-            reader: reads and draws.
             shelf: the source; None where there is none.
         """
         self._context = context
-        self._reader = reader
         self._shelf = shelf
         self._num_waiting = 0
         store = context.bus.store
@@ -201,4 +199,4 @@ class Scenarios(Component):
                 call.respond(result=True, **answer(outcome))
 
         self._num_waiting += 1
-        self._reader.read(work, answering(call.refuse, then), now)
+        self._context.reader.read(work, answering(call.refuse, then), now)

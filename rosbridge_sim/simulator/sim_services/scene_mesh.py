@@ -15,7 +15,7 @@ from rosbridge_sim.scenery.mesh_pages import MeshPages, mesh_pages
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader, answering
+from rosbridge_sim.simulator.plain.reading import answering
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 
 MAX_LANES: Final = 10_000
@@ -28,18 +28,14 @@ MAX_WAITING: Final = 64
 class SceneMesh(Component):
     """The component of the mesh. It holds no state but what any program would make anew from map and seed."""
 
-    def __init__(
-        self, context: SimulatorContext, reader: Reader, road_services: RoadServices, *, is_dressed: bool
-    ) -> None:
+    def __init__(self, context: SimulatorContext, road_services: RoadServices, *, is_dressed: bool) -> None:
         """Offer nothing yet.
 
         Args:
-            reader: makes the mesh.
             road_services: has the digest of the map.
             is_dressed: with buildings, trees and posts beside the roads.
         """
         self._context = context
-        self._reader = reader
         self._road_services = road_services
         self._is_dressed = is_dressed
         self._key: tuple[RoadMap, int] | None = None
@@ -87,7 +83,7 @@ class SceneMesh(Component):
                 end = answering(call.refuse, partial(self._end, call))
                 self._context.bus.guard.attempt("an answer with the mesh", end, outcome, now)
 
-        self._reader.read(work, then, now)
+        self._context.reader.read(work, then, now)
 
     def _end(self, call: Call, outcome: MeshPages | DocumentError, _now: float) -> None:
         if call.is_done:

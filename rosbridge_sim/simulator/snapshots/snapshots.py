@@ -33,7 +33,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
-from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
+from rosbridge_sim.simulator.plain.reading import answering, read_while_held
 from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
@@ -80,7 +80,6 @@ class Snapshots(Component):
         context: SimulatorContext,
         components: Sequence[Component],
         replay: Replay,
-        reader: Reader,
         recordings: Recordings | None,
     ) -> None:
         """Keep nothing yet.
@@ -88,13 +87,11 @@ class Snapshots(Component):
         Args:
             components: all of the simulator, this one perhaps among them.
             replay: has the recording that moves the world.
-            reader: reads maps.
             recordings: where recordings come from; None for nowhere.
         """
         self._context = context
         self._state = NodeState(context, components)
         self._replay = replay
-        self._reader = reader
         self._recordings = recordings
         self._kept = KeptSnapshots(context.bus.account_of(context.participant))
         self._own = OwnBytes()
@@ -219,7 +216,7 @@ class Snapshots(Component):
             finish(make(), now)
             return
         hold = partial(self._context.sync_driver.hold, call.caller)
-        read_while_held(self._reader, make, answering(call.refuse, finish), hold, now)
+        read_while_held(self._context.reader, make, answering(call.refuse, finish), hold, now)
 
     def _hash_maker(self, state: SavedState, size: int) -> Callable[[], str]:
         """Return a function that `_work` may call with this size, and that makes the hash of the state of now.
@@ -425,7 +422,7 @@ class Snapshots(Component):
             self._go_on(restoration, add, now)
 
         self._begin_reading(restoration)
-        self._reader.read(work, answering(restoration.call.refuse, then), now)
+        self._context.reader.read(work, answering(restoration.call.refuse, then), now)
 
     def _take_recording(
         self, restoration: _Restoration, key: RecordingKey, outcome: Recording | DocumentError, now: float
