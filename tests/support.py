@@ -115,14 +115,16 @@ def read_line(process: subprocess.Popen[str] | ForkedProgram) -> str:
     return process.stdout.readline() if is_ready else ""
 
 
-def _start(command: Sequence[str], env: dict[str, str], stderr: IO[bytes]) -> subprocess.Popen[str] | ForkedProgram:
+def _start(
+    command: Sequence[str], env: dict[str, str], stderr: IO[bytes], python: Path | None
+) -> subprocess.Popen[str] | ForkedProgram:
     """Start Python with these words: by a fork, unless Python itself has to take notice of them."""
     whole = {**os.environ, **env}
     option, *words = command
-    if option == "-m" and hasattr(os, "fork") and not any(name.startswith("PYTHON") for name in env):
+    if python is None and option == "-m" and hasattr(os, "fork") and not any(name.startswith("PYTHON") for name in env):
         return fork_server.start(words[0], words[1:], whole, stderr)
     return subprocess.Popen(
-        [sys.executable, *command], cwd=ROOT, env=whole, stdout=subprocess.PIPE, stderr=stderr, text=True
+        [python or sys.executable, *command], cwd=ROOT, env=whole, stdout=subprocess.PIPE, stderr=stderr, text=True
     )
 
 
@@ -134,7 +136,14 @@ class Process:
         pid: of the process.
     """
 
-    def __init__(self, log: Path, command: Sequence[str], ready: str, env: dict[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        log: Path,
+        command: Sequence[str],
+        ready: str,
+        env: dict[str, str] | None = None,
+        python: Path | None = None,
+    ) -> None:
         """Start it and wait until it is ready.
 
         Args:
@@ -142,11 +151,12 @@ class Process:
             command: words after Python's own.
             ready: how its first line begins.
             env: beside the test's own environment.
+            python: an interpreter of another environment; None for this one.
         """
         self._log = log
         self._is_told_to_stop = False
         with log.open("ab") as stderr:
-            self._process = _start(command, env or {}, stderr)
+            self._process = _start(command, env or {}, stderr, python)
         self.pid = self._process.pid
         line = read_line(self._process)
         if not line.startswith(ready):
@@ -208,7 +218,14 @@ class ServerProcess(Process):
         port: the same, the number alone.
     """
 
-    def __init__(self, log: Path, flags: Sequence[str] = (), env: dict[str, str] | None = None, port: int = 0) -> None:
+    def __init__(
+        self,
+        log: Path,
+        flags: Sequence[str] = (),
+        env: dict[str, str] | None = None,
+        port: int = 0,
+        python: Path | None = None,
+    ) -> None:
         """Start it and wait until it listens.
 
         Args:
@@ -216,8 +233,9 @@ class ServerProcess(Process):
             flags: after `serve --port N`.
             env: beside the test's own environment.
             port: to listen on; 0 takes a free one.
+            python: an interpreter of another environment; None for this one.
         """
-        super().__init__(log, ["-m", "rosbridge_sim", "serve", "--port", str(port), *flags], _READY, env)
+        super().__init__(log, ["-m", "rosbridge_sim", "serve", "--port", str(port), *flags], _READY, env, python)
         self.url = self.said
         self.port = int(self.url.rpartition(":")[2].strip("/"))
 

@@ -63,10 +63,10 @@ DEFINED_FLAG = re.compile(r"""(?:add(?:_argument|option)\(\s*(?:"-\w", )?"|^    
 OTHER_FLAGS = frozenset(
     [
         *("--directory", "--bind", "--name", "--rm", "--build", "--bundle", "--format", "--outfile"),
-        "--break-system-packages",
+        *("--break-system-packages", "--system-site-packages"),
     ]
 )
-"""Flags of `http.server`, docker, esbuild and pip."""
+"""Flags of `http.server`, docker, esbuild, pip and venv."""
 
 of_each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 

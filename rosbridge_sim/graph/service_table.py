@@ -153,7 +153,7 @@ class ServiceTable:
         service.calls[call] = None
         held[call] = None
         if timeout is None:
-            timeout = self._timeout
+            timeout = self._timeout if self._timeout is not None else service.patience
         try:
             service.handle(call, now)
         except PeerError as error:

@@ -290,7 +290,12 @@ def _size_of(message: Message) -> int:
 
 @dataclass(eq=False, slots=True)
 class Service:
-    """A named service and its provider; `limits` are those of a request, None for a client's service."""
+    """A named service and its provider.
+
+    Attributes:
+        limits: those of a request; None for a client's service.
+        patience: longest wait for an answer if neither the call nor the bus names one [s]; None waits for ever.
+    """
 
     name: str
     type: ServiceType | OpaqueServiceType
@@ -298,6 +303,7 @@ class Service:
     handle: Handle
     is_exclusive: bool = False
     limits: BodyLimits | None = None
+    patience: float | None = None
     calls: dict[Call, None] = field(default_factory=dict)
 
     def decode_request(self, args: OpBody, stamp_ns: int, caller: Participant) -> object:

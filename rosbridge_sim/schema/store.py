@@ -105,6 +105,7 @@ class Store:
     def add(self, texts: Mapping[tuple[str, str, str], str]) -> None:
         """Add definition texts of types that are not known yet; the form is that of the constructor."""
         self._texts = {**texts, **self._texts}
+        self._is_checked = False
         self._packages |= {package for package, _, _ in texts}
 
     def with_texts(self, texts: Mapping[tuple[str, str, str], str]) -> Store:

@@ -26,6 +26,12 @@ def require_rclpy() -> None:
         miss("needs rclpy in .venv/rclpy (./scripts/test --long installs it on x86-64)")
 
 
+def rclpy_server(tmp_path: Path, *options: str) -> ServerProcess:
+    """A server in the domain, as a node through rclpy."""
+    require_rclpy()
+    return ServerProcess(tmp_path / "log", ["--ros2-domain", DOMAIN, *options], python=RCLPY)
+
+
 @pytest.fixture
 def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServerProcess]:
     """A server in the domain, with more options of the test."""
@@ -95,3 +101,16 @@ def test_a_node_drives_in_lock_step_and_sees_every_frame(server: ServerProcess) 
     assert told["error"] <= 0.3
     assert len(told["stamps"]) > 100 * 50, "the course takes two minutes"
     assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"
+
+
+def test_services_pass_in_both_directions(tmp_path: Path) -> None:
+    program = rclpy_server(tmp_path, "--no-world")
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "services_of_ros2.py", program.url, seconds=300))
+    assert told["wrong"] == {"web to node": 0, "node to web": 0}, "of 1,000 calls each, types without --schema-path"
+    assert told["at once"] == {"web to node": 20, "node to web": 20}
+    assert told["unknown"] == "Service /nobody does not exist"
+    assert told["killed"].startswith("Service /doomed was unadvertised")
+    assert told["hanging"] == "Timeout exceeded while waiting for service response"
+    assert told["failed"] == [False, "Service /web_fails failed; its provider gave no reason"]
+    assert told["cbor"] == "over CBOR"
+    program.stop_cleanly()

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol, TypeVar
 
 from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.message import Message
@@ -20,7 +21,7 @@ class FarGraph(Record):
         name: stands for the name of a node in rosapi's lists.
         logger: name of its log.
         own_topics: topics that nodes there and this server each have for themselves.
-        own_folders: prefixes of such topics.
+        own_folders: prefixes of such topics, and of services.
         is_name: returns True if a topic may have a name there.
         type_of: returns `pkg/Type` for the name of a type there; None if it is no message.
         spell_type: returns the name of a type there for the name of a `FarType`.
@@ -74,7 +75,30 @@ class FarType(Protocol):
         """
 
 
+class FarServiceType(Protocol):
+    """A service type as nodes there know it."""
+
+    @property
+    def name(self) -> str:
+        """Its name there."""
+
+    @property
+    def hash(self) -> str:
+        """Identifies its definition there; empty if nodes do not compare definitions."""
+
+    @property
+    def request(self) -> FarType:
+        """Type of requests."""
+
+    @property
+    def response(self) -> FarType:
+        """Type of responses."""
+
+
 Type = TypeVar("Type", bound=FarType)
+Service = TypeVar("Service", bound=FarServiceType)
+ServiceFound_co = TypeVar("ServiceFound_co", bound=FarServiceType, covariant=True)
+ServiceGiven_contra = TypeVar("ServiceGiven_contra", bound=FarServiceType, contravariant=True)
 Given_contra = TypeVar("Given_contra", bound=FarType, contravariant=True)
 Found_co = TypeVar("Found_co", bound=FarType, covariant=True)
 
@@ -90,6 +114,54 @@ class FarTypes(Protocol[Found_co]):
 
         Raises:
             PeerError: there is none, or nodes there cannot exchange it.
+        """
+
+
+class FarServiceTypes(Protocol[ServiceFound_co]):
+    """All service types as nodes there know them."""
+
+    def find_service(self, name: str) -> ServiceFound_co:
+        """Return a type.
+
+        Args:
+            name: `pkg/Type`, in any spelling.
+
+        Raises:
+            PeerError: there is none, or nodes there cannot exchange it.
+        """
+
+
+class FarService(Record):
+    """A service of another program on the graph.
+
+    Attributes:
+        name: its name on our bus.
+        type_name: `pkg/Type`.
+        node: name of its node; empty if that is not known.
+        hash: see `FarServiceType`; empty if the node tells none.
+    """
+
+    name: str
+    type_name: str
+    node: str = ""
+    hash: str = ""
+
+
+OnReply = Callable[[bool, bytes], None]
+"""`(is_ok, body)`: the response in the bytes of the graph, or the reason as text."""
+
+
+class FarCalls(Protocol[ServiceGiven_contra]):
+    """Calls of services that nodes there provide, which `shell/` makes."""
+
+    def call(self, name: str, service: ServiceGiven_contra, request: bytes, call: Call, on_reply: OnReply) -> None:
+        """Call a service; `on_reply` is called once, later, unless the call ends before.
+
+        Args:
+            name: name of the service on the bus.
+            service: its type.
+            request: the request in the bytes of the graph.
+            call: the call on the bus, with its deadline.
         """
 
 

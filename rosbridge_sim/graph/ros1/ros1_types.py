@@ -82,14 +82,14 @@ class Ros1Service:
     Attributes:
         name: `pkg/Type`.
         request, response: its two messages.
-        md5: sum of the definition.
+        hash, md5: sum of the definition.
     """
 
     def __init__(self, name: str, request: Ros1Type, response: Ros1Type, md5: str) -> None:
         self.name = name
         self.request = request
         self.response = response
-        self.md5 = md5
+        self.hash = self.md5 = md5
 
 
 class Ros1Types:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
 from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.message_spec import layout_of
 from rosbridge_sim.schema.definitions.names import spelled
 from rosbridge_sim.schema.message import Message
@@ -46,7 +47,7 @@ class CdrType:
     ) -> None:
         self.name = spelled(cdr_type.name, "msg", 2)
         self.type = message_type
-        self.has_same_bytes = message_type.spec.dialect.ros != 1
+        self.has_same_bytes = is_same and message_type.spec.dialect.ros != 1
         self.hash = known.hash_rihs01(self.name)
         self.definitions: Mapping[str, Fielddefs] = {name: found for name, (_, found) in types.items()}
         self._cdr_type = cdr_type
@@ -62,7 +63,7 @@ class CdrType:
         Raises:
             EncodingError: it cannot be written, because of an internal error.
         """
-        if message.type.spec.dialect.ros != 1:  # type: ignore[union-attr] # a type of the store, as `type` is
+        if self.has_same_bytes:
             return message.raw
         return message.shared("CDR", lambda: self._encode(message))
 
@@ -99,6 +100,20 @@ _WRITERS: Final = RosWriters(2)
 """Writers for types of ROS 1 that have the layout of ROS 2; a cache of pure functions."""
 
 
+class CdrServiceType(Record):
+    """A service type as nodes of ROS 2 know it.
+
+    Attributes:
+        name: `pkg/srv/Type`.
+        hash: empty, because nodes do not compare definitions.
+    """
+
+    name: str
+    request: CdrType
+    response: CdrType
+    hash: str = ""
+
+
 class CdrTypes:
     """The types of one store as nodes of ROS 2 know them, each made at its first use.
 
@@ -114,6 +129,7 @@ class CdrTypes:
         self._store = store
         self._ros2 = ros2
         self._types: dict[str, CdrType | PeerError] = {}
+        self._parts: dict[str, CdrType] = {}
         self._known = get_typestore(Stores.EMPTY)
 
     def find(self, name: str) -> CdrType:
@@ -130,7 +146,7 @@ class CdrTypes:
         known = self._types.get(canonical)
         if known is None:
             try:
-                known = self._make(canonical)
+                known = self._make(self._store.message(canonical), self._ros2.message(canonical))
             except PeerError as error:
                 known = error
             if len(self._types) >= _MAX_TYPES:
@@ -140,11 +156,25 @@ class CdrTypes:
             raise known
         return known
 
-    def _make(self, name: str) -> CdrType:
+    def find_service(self, name: str) -> CdrServiceType:
+        """Return a type; see `find`."""
+        here, there = self._store.service(name), self._ros2.service(name)
+        request, response = self._part(here.request, there.request), self._part(here.response, there.response)
+        return CdrServiceType(self._ros2.spelled(name, "srv"), request, response)
+
+    def _part(self, here: MessageType, there: MessageType) -> CdrType:
+        """Return a message type that is a part of a service or an action; see `find`."""
+        known = self._parts.get(there.name)
+        if known is None or known.type is not here:
+            if len(self._parts) >= _MAX_TYPES:
+                self._parts.clear()
+            known = self._parts[there.name] = self._make(here, there)
+        return known
+
+    def _make(self, message_type: MessageType, cdr_type: MessageType) -> CdrType:
         from rosbridge_sim.graph.ros2.rosbags_types import types_in  # noqa: PLC0415 - see above
 
-        message_type = self._store.message(name)
-        cdr_type = self._ros2.message(name)
+        name = message_type.name
         cdr_type.encode_raw(cdr_type.default())  # raises now if ROS 2 cannot write the type
         types = types_in(cdr_type.spec)
         is_same = layout_of(message_type.spec) == layout_of(cdr_type.spec)

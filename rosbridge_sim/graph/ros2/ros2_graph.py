@@ -14,7 +14,8 @@ ROS2_GRAPH: Final = FarGraph(
     logger="rosbridge_sim.ros2",
     # logs and parameters of nodes, and clients of a server
     own_topics=frozenset({"/rosout", "/parameter_events", "/client_count", "/connected_clients"}),
-    own_folders=("/tf2_web_republisher/",),  # topics of an action of ROS 1, which ROS 2 does not have in this form
+    # topics of an action of ROS 1, which ROS 2 does not have in this form; and services for clients, not for nodes
+    own_folders=("/tf2_web_republisher/", "/rosapi/"),
     is_name=is_name,
     type_of=type_of,
     spell_type=dds_type,

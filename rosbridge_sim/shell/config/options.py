@@ -29,9 +29,11 @@ class SimulatorOptions(TypedDict, total=False):
     strict_release: bool
     attach_retry: float
     ros2_domain: int | None
+    ros2_through: Literal["auto", "dds", "rclpy"]
     ros2_distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"]
     ros2_namespace: str
     ros2_topics: Sequence[str] | str
+    ros2_services: Sequence[str] | str
     ros2_discovery: Literal["localhost", "multicast"]
     ros2_qos: Sequence[str] | str
     ros2_wait_for_command: bool

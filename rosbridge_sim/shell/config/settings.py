@@ -112,6 +112,11 @@ class Settings:
         "join this domain of ROS 2 (ROS_DOMAIN_ID) as a node, without an installation of ROS; needs the extra"
         " rosbridge-sim[ros2]",
     )
+    ros2_through: Literal["auto", "dds", "rclpy"] = _ROS2.choice(
+        "auto",
+        "library below the node: rclpy of an installed ROS 2 (Jazzy or later), which brings services, actions and"
+        " parameters, too; or the DDS library of the extra; auto takes rclpy where it can be imported",
+    )
     ros2_distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = _ROS2.choice(
         "jazzy", "distribution of the other nodes; humble tells names of nodes in another form"
     )
@@ -122,6 +127,12 @@ class Settings:
         (),
         PATTERNS,
         "topics that pass between ROS 2 and this server, such as /tf*; without it all that clients may use; repeatable",
+    )
+    ros2_services: tuple[str, ...] = _ROS2.flag(
+        (),
+        PATTERNS,
+        "services of this server that nodes may call, through rclpy; without it all that clients may call, and with"
+        " --ros2-discovery multicast only those of clients; repeatable",
     )
     ros2_discovery: Literal["localhost", "multicast"] = _ROS2.choice(
         "localhost",

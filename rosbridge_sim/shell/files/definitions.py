@@ -6,6 +6,7 @@ import logging
 import os
 import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
@@ -54,6 +55,20 @@ def read_definitions(release: str, folders: Sequence[str | Path] = ()) -> Texts:
         texts.update((key, text) for key, text, _ in _read_package(package, folder))
     for one in folders:
         texts.update(_read_own(Path(one), release))
+    return texts
+
+
+def read_installed(folders: Sequence[Path]) -> Texts:
+    """Return the definitions of all packages that are installed for ROS 2. What cannot be read is left out.
+
+    Args:
+        folders: `share` folders; an earlier one has priority, as in AMENT_PREFIX_PATH.
+    """
+    texts: Texts = {}
+    for folder in reversed(folders):
+        for package in _list_folder(folder):
+            with suppress(DocumentError, OSError):
+                texts.update((key, text) for key, text, _ in _read_package(package, folder / package))
     return texts
 
 

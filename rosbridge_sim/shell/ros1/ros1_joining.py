@@ -15,9 +15,9 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
+from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
-from rosbridge_sim.graph.ros1.node_services import NodeServices
 from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH, name_there
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.graph.stamps import Stamps
@@ -93,7 +93,7 @@ async def join_ros1(
     namespace, max_size = choices.namespace, choices.max_message_size
     far = FarServices(bus, choices.name, find, lambda name: name_there(name, namespace), max_size=max_size)
     node.far_services = far
-    node.services = NodeServices(bus, types, policy, far)
+    node.services = NodeServices(ROS1_GRAPH, bus, types, policy, far)
     node.gateway = Gateway(ROS1_GRAPH, bus, types, node, policy, topics=Rule(settings.ros1_topics))
     node.gateway.on_change = scheduler.look
     scheduler.add(node.gateway)

@@ -15,14 +15,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from rosbridge_sim.errors import GraphError, PeerError
-from rosbridge_sim.graph.gateway.far_graph import Endpoint
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService
 from rosbridge_sim.graph.gateway.gateway import Gateway
+from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
 from rosbridge_sim.graph.ros1.master_view import MasterView, Registration, read_view
-from rosbridge_sim.graph.ros1.node_services import NodeServices
 from rosbridge_sim.graph.ros1.ros1_graph import is_name, name_here, name_there, type_of
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import MessageCutter, with_length, write_header
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros1.service_links import FarServices, call_of, probe, serve_calls
@@ -112,7 +112,7 @@ class Ros1Node:
     """
 
     gateway: Gateway[Ros1Type]
-    services: NodeServices
+    services: NodeServices[Ros1Service]
     far_services: FarServices
 
     def __init__(self, choices: Ros1Choices, types: Ros1Types, parameters: MasterParameters) -> None:
@@ -131,7 +131,7 @@ class Ros1Node:
         self._refused: set[Registration] = set()
         self._has_parameters = False
         self._endpoints: dict[str, Endpoint] = {}  # publishers of other nodes
-        self._far_types: dict[tuple[str, str], tuple[str, str, str] | None] = {}  # of services: (name, node) -> found
+        self._far_types: dict[tuple[str, str], FarService | None] = {}  # of services: (name, node) -> found
         self._unlearnt: dict[str, float] = {}  # types -> when to ask again
         self._missed: dict[str, int] = {}  # pings without an answer, by the name of the node
         self._num_links = 0
@@ -492,7 +492,7 @@ class Ros1Node:
             self._tell(f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}", logging.INFO)
             return
         if here is not None and type_of(header.get("type", "")) is not None:
-            self._far_types[one] = here, header["type"], header.get("md5sum", "")
+            self._far_types[one] = FarService(here, header["type"], node, header.get("md5sum", ""))
 
     async def _check_callers(self, view: MasterView) -> None:
         """Forget nodes that have called services here, and are gone: the master knows them no more, or a ping fails."""

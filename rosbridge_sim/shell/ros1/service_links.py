@@ -8,8 +8,9 @@ from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.gateway.far_graph import OnReply
+from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.ros1.node_services import NodeServices, OnReply
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
 from rosbridge_sim.graph.ros1.tcpros import with_length
 from rosbridge_sim.graph.topics_services import Call
@@ -189,7 +190,7 @@ async def probe(uri: str, name: str, node: str) -> dict[str, str]:
 
 
 def call_of(
-    services: NodeServices, node: str, name: str, loop: asyncio.AbstractEventLoop
+    services: NodeServices[Ros1Service], node: str, name: str, loop: asyncio.AbstractEventLoop
 ) -> Callable[[bytes, OnReply], None]:
     """Return a function that calls a service of the bus for a node."""
     return lambda request, on_reply: services.call(node, name, request, on_reply, loop.time())

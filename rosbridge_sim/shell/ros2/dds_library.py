@@ -32,22 +32,28 @@ def check_library() -> None:
     Raises:
         DocumentError: it is not installed, does not exist for this system, or has another version.
     """
+    why_not = why_no_library()
+    if why_not is not None:
+        raise DocumentError(f"ros2-domain: {why_not}")
+
+
+def why_no_library() -> str | None:
+    """Load the library; return why it cannot be used, None if it can."""
     if importlib.util.find_spec("cyclonedds") is None:
         where = ""
         if sys.version_info >= (3, 14) or (sys.platform == "linux" and platform.machine() != "x86_64"):
             system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
             where = f"; there is none for {system}"
-        raise DocumentError(f"ros2-domain: needs the extra rosbridge-sim[ros2], that is cyclonedds=={FITTING}{where}")
+        return f"needs the extra rosbridge-sim[ros2], that is cyclonedds=={FITTING}{where}, or rclpy of ROS 2"
     found = version("cyclonedds")
     if found != FITTING:
-        raise DocumentError(f"ros2-domain: needs cyclonedds=={FITTING}, but {found} is installed")
+        return f"needs cyclonedds=={FITTING}, but {found} is installed"
     try:
         from cyclonedds import _clayer  # noqa: PLC0415 - 0.2 s, and only with --ros2-domain
     except Exception as error:  # noqa: BLE001 - a library with a part in C: any error means that it cannot be used here
-        raise DocumentError(f"ros2-domain: cyclonedds cannot be loaded: {error!r:.200}") from None
+        return f"cyclonedds cannot be loaded: {error!r:.200}"
     missing = [name for name in ("ddspy_write", "ddspy_take") if not hasattr(_clayer, name)]
-    if missing:
-        raise DocumentError(f"ros2-domain: this cyclonedds lacks {', '.join(missing)}; install it anew")
+    return f"this cyclonedds lacks {', '.join(missing)}; install it anew" if missing else None
 
 
 # Its log

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.util
 import logging
+from collections.abc import Callable
+from functools import partial
 
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
+from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import read_choice
+from rosbridge_sim.graph.participant import Participant, is_guest
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
+from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType, CdrType, CdrTypes
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.config.settings import Settings
-from rosbridge_sim.shell.files.definitions import Texts
-from rosbridge_sim.shell.ros2.ros2_node import Ros2Choices, Ros2Node
+from rosbridge_sim.shell.files.definitions import Texts, read_installed
+from rosbridge_sim.shell.ros2.dds_library import why_no_library
+from rosbridge_sim.shell.ros2.joint_node import JointNode
+from rosbridge_sim.shell.ros2.rclpy_library import InstalledTypes, RclpyNode, share_folders, why_not_there
+from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME, Ros2Choices, Ros2Node
 
 _log = logging.getLogger("rosbridge_sim.ros2")
 
@@ -28,19 +38,59 @@ class JoinedRos2:
         gateway: moves the messages.
     """
 
-    def __init__(self, gateway: Gateway[CdrType], node: Ros2Node) -> None:
+    def __init__(
+        self, gateway: Gateway[CdrType], node: Ros2Node | RclpyNode | JointNode, offers: _Offers | None
+    ) -> None:
         self.gateway = gateway
         self.node = node
+        self._offers = offers
 
     def settle(self) -> None:
         """Open all writers and readers that are wanted now: while the world waits for its first frame."""
-        while self.gateway.next_due(0.0) is not None:
-            self.gateway.advance(asyncio.get_running_loop().time() + PERIOD)
+        for clock in (self.gateway, self._offers):
+            while clock is not None and clock.next_due(0.0) is not None:
+                clock.advance(asyncio.get_running_loop().time() + PERIOD)
+        if self._offers is not None:
+            self._offers.node.start()
 
     def stop(self) -> None:
         """Leave the graph. A second call does nothing."""
-        self.gateway.leave(asyncio.get_running_loop().time())
+        now = asyncio.get_running_loop().time()
+        self.gateway.leave(now)
+        if self._offers is not None:
+            self._offers.services.leave(now)
         self.node.stop()
+
+
+class _Offers:
+    """The services of the bus that nodes may call, offered anew after each change of the bus; a clock of the server."""
+
+    def __init__(self, services: NodeServices[CdrServiceType], node: RclpyNode, on_change: Callable[[], None]) -> None:
+        self.services = services
+        self.node = node
+        self._due: float | None = 0.0
+        self._on_change = on_change
+        services.on_change = self._mark
+
+    def _mark(self) -> None:
+        if self._due is None:
+            self._due = asyncio.get_running_loop().time() + PERIOD
+            self._on_change()
+
+    def next_due(self, _now: float, /) -> float | None:
+        """See `Clock`."""
+        return self._due
+
+    def advance(self, now: float, /) -> None:
+        """See `Clock`."""
+        if self._due is not None and now >= self._due:
+            self._due = now if self.node.offer(self.services.offered()) else None
+
+    def end(self, error: Exception) -> None:
+        """See `Endable`."""
+        _log.error("internal error; no service is offered to ROS 2 any more", exc_info=error)
+        self._due = None
+        self.services.on_change = lambda: None
 
 
 def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, scheduler: Scheduler) -> JoinedRos2:
@@ -57,34 +107,83 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
         DocumentError: the library is missing or refuses the domain.
     """
     assert settings.ros2_domain is not None
-    node = Ros2Node(
-        Ros2Choices(
-            settings.ros2_domain,
-            settings.ros2_distro,
-            settings.ros2_namespace,
-            settings.ros2_discovery,
-            settings.max_frame_size,
-        ),
-        asyncio.get_running_loop(),
+    choices = Ros2Choices(
+        settings.ros2_domain,
+        settings.ros2_distro,
+        settings.ros2_namespace,
+        settings.ros2_discovery,
+        settings.max_frame_size,
     )
-    store = bus.store if bus.store.ros == 2 else Store(texts, leniency=LENIENCY, ros=2)  # noqa: PLR2004 - a generation
+    loop = asyncio.get_running_loop()
+    rclpy: RclpyNode | None = None
+    dds: Ros2Node | None = None
+    if is_through_rclpy(settings.ros2_through):
+        installed = read_installed(share_folders())
+        rclpy = RclpyNode(choices, InstalledTypes(installed), loop)
+        rclpy.inbox.on_work = scheduler.look
+        known = set(bus.store.packages())
+        bus.store.add({key: text for key, text in installed.items() if key[0] not in known})
+        texts = {**texts, **installed}  # the classes of rclpy have the installed definitions
+        store = Store(texts, leniency=LENIENCY, ros=2)
+    if rclpy is None or (settings.ros2_through == "auto" and why_no_library() is None):
+        dds = Ros2Node(choices if rclpy is None else replace(choices, name=NODE_BESIDE), loop)
+        dds.on_work = scheduler.look
+    if rclpy is None:
+        store = bus.store if bus.store.ros == 2 else Store(texts, leniency=LENIENCY, ros=2)  # noqa: PLR2004 - a generation
+    types = CdrTypes(bus.store, store)
+    # A new endpoint takes rclpy less than a millisecond, and the DDS library up to 40.
+    graph = ROS2_GRAPH if dds else replace(ROS2_GRAPH, endpoints_per_turn=10)
+    node = JointNode(rclpy, dds) if rclpy and dds else rclpy or dds
+    assert node is not None
     gateway = Gateway(
-        ROS2_GRAPH,
+        graph,
         bus,
-        CdrTypes(bus.store, store),
+        types,
         node,
         policy,
         topics=Rule(settings.ros2_topics),
         qualities=[read_choice(text) for text in settings.ros2_qos],
     )
-    node.gateway = gateway
-    node.on_work = gateway.on_change = scheduler.look
+    node.serve(gateway)
+    gateway.on_change = scheduler.look
     scheduler.add(gateway)
+    offers = None
+    if rclpy is not None:
+        rclpy.services = NodeServices(ROS2_GRAPH, bus, types, policy, rclpy, is_offered=partial(is_for_nodes, settings))
+        offers = _Offers(rclpy.services, rclpy, scheduler.look)
+        scheduler.add(offers)
     where = f"ROS_DOMAIN_ID={settings.ros2_domain}"
     if settings.ros2_discovery == "localhost":
         variable = (
             "ROS_LOCALHOST_ONLY=1" if settings.ros2_distro == "humble" else "ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST"
         )
         where += f" {variable}"
-    _log.info("node %s of ROS 2: other nodes see it with %s", node.full_name, where)
-    return JoinedRos2(gateway, node)
+    through = "through rclpy" if offers else "topics alone, through DDS"
+    name = f"{settings.ros2_namespace}/{NODE_NAME}"
+    _log.info("node %s of ROS 2 (%s): other nodes see it with %s", name, through, where)
+    return JoinedRos2(gateway, node, offers)
+
+
+def is_through_rclpy(choice: str) -> bool:
+    """Return whether rclpy is below the node.
+
+    Raises:
+        DocumentError: it is wanted, and cannot be used.
+    """
+    why_not = None if choice == "dds" else why_not_there()
+    if choice == "rclpy" and why_not is not None:
+        raise DocumentError(f"ros2-through: {why_not}")
+    if why_not is not None and importlib.util.find_spec("rclpy") is not None:
+        _log.warning("%s: the DDS library is used, with topics alone", why_not)
+    return choice != "dds" and why_not is None
+
+
+def is_for_nodes(settings: Settings, name: str, owner: Participant) -> bool:
+    """Return whether nodes may call a service of an owner.
+
+    Programs of other machines have shown no token, and the services of the server change files and the world. So it
+    offers none of its own to them, unless it was told which.
+    """
+    rule = Rule(settings.ros2_services)
+    is_near = settings.ros2_discovery == "localhost"
+    return rule.admits(name) and (bool(rule.allow) or is_near or is_guest(owner))

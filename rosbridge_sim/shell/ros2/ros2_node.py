@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
-from typing import Final
+from typing import Final, Protocol
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.gateway.far_graph import Endpoint
-from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
 from rosbridge_sim.graph.ros2.discovery_info import (
@@ -30,6 +29,9 @@ from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsRead
 
 NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
+
+NODE_BESIDE: Final = "rosbridge_sim_dds"
+"""Name of the node of the DDS library beside one of rclpy."""
 
 SOLE: Final = b"sole=1;"
 """User data of a publisher that must be the only one of its topic, for `ros2 check`. ROS 2 skips keys that it does not
@@ -98,6 +100,7 @@ class Ros2Choices(Record):
         namespace: stands before all names on the graph; empty, or absolute without a slash at its end.
         discovery: where other programs are looked for.
         max_message_size: longest message from the graph [bytes].
+        name: name of the node.
     """
 
     domain: int
@@ -105,6 +108,17 @@ class Ros2Choices(Record):
     namespace: str = ""
     discovery: Discovery = "localhost"
     max_message_size: int = 16 * 2**20
+    name: str = NODE_NAME
+
+
+class Taker(Protocol):
+    """The part of a gateway that a node gives what comes."""
+
+    def receive(self, name: str, raw: bytes, now: float) -> None:
+        """Take a message."""
+
+    def note_endpoints(self, found: Iterable[Endpoint], lost: Iterable[str], now: float) -> None:
+        """Note endpoints of other programs."""
 
 
 class Ros2Node:
@@ -121,7 +135,7 @@ class Ros2Node:
             DocumentError: the library is missing or refuses the domain.
         """
         check_library()
-        self.gateway: Gateway[CdrType] | None = None
+        self.gateway: Taker | None = None
         self.on_work: Callable[[], None] = _do_nothing
         self._choices = choices
         self._loop = loop
@@ -150,7 +164,12 @@ class Ros2Node:
     @property
     def full_name(self) -> str:
         """Full name of the node on the graph."""
-        return f"{self._choices.namespace}/{NODE_NAME}"
+        return f"{self._choices.namespace}/{self._choices.name}"
+
+    @property
+    def program(self) -> bytes:
+        """First 12 bytes of the identity of each endpoint of ours."""
+        return self._domain.key[:12]
 
     def stop(self) -> None:
         """Leave the domain. A second call does nothing."""
@@ -159,6 +178,10 @@ class Ros2Node:
             self._domain.close()
 
     # As a `FarNode`
+
+    def serve(self, gateway: Taker) -> None:
+        """Give messages and endpoints to a gateway."""
+        self.gateway = gateway
 
     def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         """See `FarNode`."""
@@ -224,7 +247,7 @@ class Ros2Node:
             return
         readers = [reader.key for reader in self._readers.values()]
         writers = [writer.key for writer in self._writers.values()]
-        node = self._choices.namespace or "/", NODE_NAME
+        node = self._choices.namespace or "/", self._choices.name
         self._discovery.write(write_discovery(self._choices.distro, self._domain.key, node, readers, writers))
 
     # From the threads of the library to the loop
