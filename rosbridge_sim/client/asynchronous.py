@@ -20,7 +20,6 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
 from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
-from rosbridge_sim.client.checked_connection import CheckedConnection
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
 from rosbridge_sim.client.simulator_requests import SimulatorRequests
 from rosbridge_sim.client.statuses import Statuses
@@ -33,7 +32,7 @@ from rosbridge_sim.errors import (
     OpRefusedError,
     ServiceRefusedError,
 )
-from rosbridge_sim.link.client_connection import why_gone, why_not
+from rosbridge_sim.link.client_connection import CheckedConnection, why_gone, why_not
 from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.terminal_text import safe

@@ -14,6 +14,7 @@ from collections.abc import Callable, Collection, Sequence
 
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed, InvalidMessage, InvalidStatus, InvalidURI
+from websockets.frames import CloseCode
 
 from rosbridge_sim.link.frame_heads import head_of
 from rosbridge_sim.link.terminal_text import safe
@@ -75,6 +76,32 @@ class DialedConnection(MessageConnection, ClientConnection):
             self._early.append(message)
         else:
             self._on_message(message)
+
+
+class CheckedConnection(DialedConnection):
+    """A connection that ends if a text is not valid UTF-8.
+
+    Attributes:
+        why_given_up: the reason, if it was this side that ended the connection.
+    """
+
+    why_given_up = ""
+
+    def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
+        """Hand over a message that the library has read.
+
+        Args:
+            is_text: its bytes must be UTF-8.
+            last: not used.
+        """
+        if is_text and not message.isascii():
+            try:
+                message.decode()
+            except UnicodeDecodeError as error:
+                self.why_given_up = f"{error.reason} at position {error.start}"
+                self.fail(CloseCode.INVALID_DATA, self.why_given_up)
+                return
+        super().take_message(message, is_text=is_text, last=last)
 
 
 def why_not(
