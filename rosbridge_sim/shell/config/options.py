@@ -14,7 +14,7 @@ from typing import Literal, TypedDict
 class SimulatorOptions(TypedDict, total=False):
     """All settings, by the names of the fields of `Settings`. Sizes are bytes, or texts such as `16MiB`."""
 
-    host: str | Path
+    host: str
     port: int
     certfile: str | Path | None
     keyfile: str | Path | None

@@ -66,7 +66,7 @@ class Settings:
 
     host: str = _LISTEN.flag(
         "127.0.0.1",
-        text_of("a host name or address", "HOST"),
+        text_of("a host name or address", "HOST", "str"),
         "address to listen on; 0.0.0.0 is every IPv4 address of this machine",
     )
     port: int = _LISTEN.flag(9090, whole_number(0, 65_535), "TCP port to listen on; 0 takes a free one")

@@ -41,12 +41,13 @@ class ValueType:
     accepts: str = ""
 
 
-def text_of(expects: str, sign: str) -> ValueType:
+def text_of(expects: str, sign: str, accepts: str = "str | Path") -> ValueType:
     """Return the type of any text that is not empty.
 
     Args:
         expects: description of valid values.
         sign: placeholder in `--help`.
+        accepts: as of `ValueType`.
     """
 
     def read(value: object) -> str:
@@ -56,7 +57,7 @@ def text_of(expects: str, sign: str) -> ValueType:
             raise ValueError
         return value
 
-    return ValueType(expects, read, sign, accepts="str | Path")
+    return ValueType(expects, read, sign, accepts=accepts)
 
 
 def choice_of(*words: str) -> ValueType:
