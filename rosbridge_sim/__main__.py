@@ -90,9 +90,7 @@ _ABSENT = {
     **dict.fromkeys(("run", "launch", "rosrun", "roslaunch"), _STARTS),
     **dict.fromkeys(("roscore", "rosmaster", "daemon"), "none is needed; rosbridge-sim serve is the server"),
     **dict.fromkeys(("lifecycle", "component"), _REACHES_NOT),
-    **dict.fromkeys(
-        ("doctor", "roswtf"), "wait looks for a rosbridge; ros1 check and ros2 check tell why nodes see none"
-    ),
+    "roswtf": "doctor checks a rosbridge; ros1 check and ros2 check tell why nodes see none",
     **dict.fromkeys(("pkg", "rospack"), "packages have only types here; rosbridge-sim interface packages lists them"),
 }
 """Tool of ROS that has no meaning here -> the reason, and what does its work."""

@@ -24,9 +24,9 @@ from urllib.request import urlopen
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
+from rosbridge_sim.doctor.check_frames import read_frame
 from tests import fork_server
 from tests.fork_server import ForkedProgram
-from tests.vector_player import read_frame
 
 __all__ = [
     "PATIENCE",

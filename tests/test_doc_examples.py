@@ -64,6 +64,7 @@ OTHERS = (
     "simulator",
     "network",
     "tools",
+    "doctor",
     "catalogue",
     "scenario-ego",
     "scenario-vehicles",
@@ -348,6 +349,15 @@ def test_tool_commands_work(serve: Serve, monkeypatch: pytest.MonkeyPatch, tmp_p
         assert (program, done.code, bool(done.out), bool(done.err)) == ("rosbridge-sim", 0, not is_pub, is_pub), done
 
 
+@pytest.mark.slow
+def test_doctor_examines_a_server(serve: Serve) -> None:
+    for line in example("doctor").splitlines():
+        _, *words = shlex.split(line.replace("$ROSBRIDGE_SIM_URL", serve().url))
+        done = run_tool(*words)
+        assert (done.code, done.err) == (0, "")
+        assert "topics/latch" in done.out or "conform" in done.out
+
+
 def test_model_table_is_read(tmp_path: Path) -> None:
     file = tmp_path / "models.csv"
     file.write_text(example("catalogue"))
@@ -419,7 +429,7 @@ def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
     assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS, *WITHOUT_SERVER, *WITH_TORCH])
     assert [mark for mark, found in examples.items() if len(found) > 1] == []
     programs = sum(len(PROGRAM.findall(path.read_text("utf-8"))) for path in PAGES)
-    assert programs == len(examples) - 1, "all but the commands of `tools`, which are sh"
+    assert programs == len(examples) - 2, "all but the commands of `tools` and `doctor`, which are sh"
 
 
 # Promises of the page about the client

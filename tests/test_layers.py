@@ -88,8 +88,8 @@ simulator.sensor_services: * graph morai.messages simulator.bus simulator.kernel
     simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
-simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel units world.geometry
-    world.roads world.state
+simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel simulator.plain units
+    world.geometry world.roads world.state
 simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema
     simulator.bus simulator.kernel simulator.markers simulator.plain simulator.scene simulator.sync units world
     world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state
@@ -103,6 +103,8 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
     world.state world.vehicle
 # campaigns, without processes and files
 campaigns: * document_reading documents expressions world.geometry world.state
+# the checks of a rosbridge, without sockets
+doctor: *
 # outside
 link: * protocol
 client: * link protocol
@@ -133,7 +135,7 @@ environments: records scenery scenery.static shell shell.rendering simulator.sna
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.files cli.tools link
-cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
+cli.tools: * client doctor graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
     shell.config shell.files shell.page shell.ros1 shell.ros2
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
     world.geometry world.roads world.state
@@ -192,6 +194,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "records": {"msgspec"},
     "suggestions": set(),
     "expressions": set(),
+    "doctor": {"cbor2", "PIL"},
     "campaigns": {"msgspec", "numpy"},
     "not_json": set(),
     "units": set(),

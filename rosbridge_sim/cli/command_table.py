@@ -14,6 +14,7 @@ _PLACES = {
     "file_commands": ("schema", "interface", "scenario", "map", "docs"),
     "bag_commands": ("bag", "record"),
     "campaign_commands": ("campaign",),
+    "doctor_command": ("doctor",),
     "ros1_commands": ("ros1",),
     "ros2_commands": ("ros2",),
     "simulator_commands": ("sync", "tick", "step", "score", "snapshot", "restore", "spawn", "sensor"),

@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from rosbridge_sim.doctor.check_frames import read_frame
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.policy import OPEN, Policy
@@ -15,7 +16,6 @@ from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
-from tests.vector_player import read_frame
 
 __all__ = ["MemoryClients", "Wire", "make_bus", "make_peer", "make_store"]
 

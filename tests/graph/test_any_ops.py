@@ -10,13 +10,13 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rosbridge_sim.doctor.check_frames import read_frame
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox
 from tests.graph.bus_fixture import make_bus, make_peer
-from tests.vector_player import read_frame
 
 names = st.sampled_from(["/a", "a", "/b"])
 ids = st.sampled_from([None, "1", 2])

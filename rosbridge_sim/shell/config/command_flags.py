@@ -87,8 +87,8 @@ _SERVE_TEXT = (
     " rosbridge-sim attach URL connects the simulator to an existing rosbridge, as MORAI SIM does. Other commands talk"
     " to any rosbridge: rosbridge-sim topic, service, node, param, action, sync, tick, step, score, snapshot, restore,"
     " spawn, sensor, shot, layout, wait, record; or read files: bag, interface, schema, scenario, map, docs; or draw:"
-    " clip, shot; or drive many scenarios: campaign; or look at a graph of ROS: ros1 check, ros2 check. Each has its"
-    " own --help."
+    " clip, shot; or drive many scenarios: campaign; or look at a graph of ROS: ros1 check, ros2 check; or"
+    " check a rosbridge: doctor. Each has its own --help."
 )
 
 _ATTACH_TEXT = (

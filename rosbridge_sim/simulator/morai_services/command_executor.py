@@ -11,6 +11,7 @@ import logging
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.morai_services.morai_answers import complain
 from rosbridge_sim.simulator.scene.scene_commands import (
     AddObject,
     ControlEgo,
@@ -93,7 +94,7 @@ class CommandExecutor:
         try:
             uid = self._context.scene.add(action.model, x=action.x, y=action.y, z=action.z, yaw=action.yaw)
         except PeerError as error:
-            command.notify("error", f"{command.source}: {error}")
+            complain(command.notify, f"{command.source}: {error}")
         else:
             _log.info("added %s with unique_id %d", action.model.name, uid)
 
@@ -104,7 +105,7 @@ class CommandExecutor:
                 raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
             context.scene.remove(unique_id)
         except PeerError as error:
-            command.notify("error", f"{command.source}: {error}")
+            complain(command.notify, f"{command.source}: {error}")
 
     def _load(self, action: LoadScenario, command: SceneCommand, now: float) -> None:
         try:
@@ -112,4 +113,4 @@ class CommandExecutor:
                 action.load, is_pausing=action.is_pausing, now=now, network=action.network
             )
         except DocumentError as error:
-            command.notify("error", f"{command.source}: {error}")
+            complain(command.notify, f"{command.source}: {error}")

@@ -161,7 +161,7 @@ class ProcessService:
 
     def _end(self, call: Call, result: ReplayResult, now: float) -> None:
         self._status.end_command(result, now)
-        call.respond(self._make_result(result is ReplayResult.DONE))
+        call.answer(call.service.type.response.struct_type(self._make_result(result is ReplayResult.DONE)))
 
 
 def _beyond(recording: Recording) -> str:

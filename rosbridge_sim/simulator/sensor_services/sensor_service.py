@@ -48,7 +48,8 @@ class SensorService(Component):
         self._make_info = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SensorInfo",
-            "number kind frame_id topics rate measured skipped x y z roll pitch yaw settings",
+            *("number", "kind", "frame_id", "topics", "rate", "measured", "skipped"),
+            *("x", "y", "z", "roll", "pitch", "yaw", "settings"),
         )
 
     def bind(self, bindings: SubscribersServices) -> None:
@@ -57,11 +58,12 @@ class SensorService(Component):
 
     def _serve(self, call: Call, now: float) -> None:
         request: Any = call.request
+        respond = call.service.type.response.struct_type
         ego = self._context.egos.find(request.ego)
         if ego is None:
             numbers = ", ".join(str(one.index) for one in self._context.egos)
             message = f"ego: expected the number of an ego, one of {numbers}; got {request.ego}"
-            call.respond(result=False, message=message)
+            call.answer(respond(result=False, message=message))
             return
         rig, message = self._mounted.rig_of(ego), ""
         try:
@@ -69,7 +71,7 @@ class SensorService(Component):
                 self._change(rig, call, now)
         except (PeerError, DocumentError) as error:
             message = str(error)
-        call.respond(result=not message, message=message, sensors=self._list(rig))
+        call.answer(respond(result=not message, message=message, sensors=self._list(rig)))
 
     def _change(self, rig: EgoRig, call: Call, now: float) -> None:
         """Remove, add and move sensors.

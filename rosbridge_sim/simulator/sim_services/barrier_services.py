@@ -33,7 +33,8 @@ class BarrierServices(Component):
         self._make = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/Barrier",
-            "frame is_paused time_step deadline_s members ticked waited_for joining leaving late_counts",
+            *("frame", "is_paused", "time_step", "deadline_s"),
+            *("members", "ticked", "waited_for", "joining", "leaving", "late_counts"),
         )
         hooks = context.barrier.hooks
         hooks.tell.append(_tell)
@@ -59,14 +60,16 @@ class BarrierServices(Component):
         why = self._explain(call, outcome)
         if not why:
             _log.info("%r joined the barrier at frame %d, from %s", user_id, context.world.frame, call.caller.name)
-        call.respond(
-            result=not why,
-            message=why,
-            user_id=request.user_id if why else user_id,
-            frame=context.world.frame,
-            time_step=barrier.step_ms,
-            deadline_s=barrier.deadline,
-            members=barrier.status().members,
+        call.answer(
+            call.service.type.response.struct_type(
+                result=not why,
+                message=why,
+                user_id=request.user_id if why else user_id,
+                frame=context.world.frame,
+                time_step=barrier.step_ms,
+                deadline_s=barrier.deadline,
+                members=barrier.status().members,
+            )
         )
 
     def _leave(self, call: Call, now: float) -> None:
@@ -78,11 +81,13 @@ class BarrierServices(Component):
         if not why:
             _log.info("%r left the barrier at frame %d", request.user_id, context.world.frame)
         status = barrier.status()
-        call.respond(
-            result=not why,
-            message=why,
-            frame=context.world.frame,
-            members=[user_id for user_id in status.members if user_id not in status.leaving],
+        call.answer(
+            call.service.type.response.struct_type(
+                result=not why,
+                message=why,
+                frame=context.world.frame,
+                members=[user_id for user_id in status.members if user_id not in status.leaving],
+            )
         )
 
     def _check_still(self, call: Call) -> None:
@@ -99,7 +104,7 @@ class BarrierServices(Component):
         if outcome.is_accepted:
             return ""
         why = self._context.barrier.why(outcome, call.caller)
-        call.explain(why, outcome.reason, "warning")
+        explain(call.caller, "warning", f"{call.service.name}: {why}", outcome.reason)
         return why
 
     def _follow_pause(self, now: float) -> None:

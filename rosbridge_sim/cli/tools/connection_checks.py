@@ -1,0 +1,233 @@
+"""The checks of `rosbridge-sim doctor` that need the connection itself, or a clock."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import Awaitable, Callable, Sequence
+from itertools import pairwise
+from statistics import median
+from typing import Final
+
+from websockets.exceptions import ConnectionClosed, WebSocketException
+
+from rosbridge_sim.cli.tools.examined_server import ExaminedServer
+from rosbridge_sim.doctor.check import Check
+from rosbridge_sim.doctor.examination import CheckResult, Verdict
+from rosbridge_sim.link.plain_client import PlainClient
+
+_RFC = "RFC 6455"
+
+NUM_TRIPS: Final = 100
+RATE: Final = 50.0
+"""Rate of the jitter check [Hz]."""
+
+
+async def _works(client: PlainClient, server: ExaminedServer, topic: str) -> bool:
+    """Return whether a publish of a client comes back to itself."""
+    for op in ("advertise", "subscribe"):
+        await client.send(json.dumps({"op": op, "topic": topic, "type": "std_msgs/String"}))
+    await asyncio.sleep(server.settling)
+    await client.send(json.dumps({"op": "publish", "topic": topic, "msg": {"data": "x"}}))
+    until = asyncio.get_running_loop().time() + server.patience
+    while not any('"publish"' in str(frame) for frame in client.frames):
+        if client.ending is not None or not await client.wait(until):
+            return False
+    return True
+
+
+async def _with_offer(server: ExaminedServer, topic: str, **offer: object) -> str:
+    """Return what is wrong with a connection that offers something; empty if nothing is."""
+    try:
+        client = await PlainClient.open(server.url, token=server.token, patience=server.patience, **offer)  # type: ignore[arg-type] # one of its offers
+    except (OSError, ValueError, WebSocketException) as error:
+        return f"no connection: {error}"
+    try:
+        return "" if await _works(client, server, topic) else "a publish did not come back"
+    finally:
+        await client.close()
+
+
+async def _query(server: ExaminedServer, topic: str) -> str:
+    sign = "&" if "?" in server.url else "?"
+    url = server.url if server.url.count("/") > 2 or sign == "&" else f"{server.url}/"  # noqa: PLR2004 - those of the scheme
+    try:
+        client = await PlainClient.open(f"{url}{sign}doctor=1", token=server.token, patience=server.patience)
+    except (OSError, ValueError, WebSocketException) as error:
+        return f"no connection: {error}"
+    try:
+        return "" if await _works(client, server, topic) else "a publish did not come back"
+    finally:
+        await client.close()
+
+
+async def _deflate(server: ExaminedServer, topic: str) -> str:
+    return await _with_offer(server, topic, compression="deflate")
+
+
+async def _subprotocol(server: ExaminedServer, topic: str) -> str:
+    return await _with_offer(server, topic, subprotocols=["rosbridge.v2"])
+
+
+async def _ping(server: ExaminedServer, _topic: str) -> str:
+    client = await PlainClient.open(server.url, token=server.token, patience=server.patience)
+    try:
+        pong = await client.connection.ping()
+        async with asyncio.timeout(server.patience):
+            await pong
+    except (TimeoutError, ConnectionClosed):
+        return f"no pong within {server.patience:g} s"
+    finally:
+        await client.close()
+    return ""
+
+
+async def _close(server: ExaminedServer, _topic: str) -> str:
+    client = await PlainClient.open(server.url, token=server.token, patience=server.patience)
+    await client.close()
+    code = client.connection.close_code
+    return "" if code == 1000 else f"the close was not answered with 1000; got {code}"  # noqa: PLR2004 - RFC 6455, section 7.4.1
+
+
+async def _many(server: ExaminedServer, topic: str) -> str:
+    opening = [PlainClient.open(server.url, token=server.token, patience=server.patience) for _ in range(20)]
+    found = await asyncio.gather(*opening, return_exceptions=True)
+    clients = [one for one in found if isinstance(one, PlainClient)]
+    try:
+        if len(clients) < len(found):
+            return f"{len(clients)} of {len(found)} connections were made"
+        return "" if await _works(clients[-1], server, topic) else "a publish did not come back"
+    finally:
+        await asyncio.gather(*(client.close() for client in clients))
+
+
+async def _needs_token(server: ExaminedServer, _topic: str) -> str:
+    try:
+        client = await PlainClient.open(server.url, patience=server.patience)
+    except (OSError, ValueError, WebSocketException):
+        return ""
+    try:
+        await client.send(json.dumps({"op": "call_service", "id": "x", "service": "/rosapi/get_time"}))
+        await client.wait(asyncio.get_running_loop().time() + server.patience)
+        is_served = any('"result":true' in str(frame).replace(" ", "") for frame in client.frames)
+        return "a client without the token got an answer" if is_served else ""
+    finally:
+        await client.close()
+
+
+# Times: these find figures, and no faults
+
+
+async def _arrivals(
+    server: ExaminedServer, topic: str, num: int, period: float, size: int
+) -> list[tuple[float, float]]:
+    """Publish messages and return when each was sent and came [s]; the last ones may be missing.
+
+    Args:
+        server: the server.
+        topic: topic of the messages.
+        num: number of messages.
+        period: time between two of them [s]; 0 sends the next one when one has come.
+        size: length of each text [characters].
+    """
+    loop = asyncio.get_running_loop()
+    times: list[tuple[float, float]] = []
+    sent: list[float] = []
+
+    def note(frame: str | bytes) -> bool:
+        if '"publish"' in str(frame[:200]) and len(times) < len(sent):
+            times.append((sent[len(times)], loop.time()))
+        return False
+
+    client = await PlainClient.open(server.url, token=server.token, patience=server.patience, on_frame=note)
+    try:
+        for op in ("advertise", "subscribe"):
+            await client.send(json.dumps({"op": op, "topic": topic, "type": "std_msgs/String"}))
+        await asyncio.sleep(server.settling)
+        frame = json.dumps({"op": "publish", "topic": topic, "msg": {"data": "x" * size}})
+        begun = loop.time()
+        for number in range(num):
+            await asyncio.sleep(max(0.0, begun + number * period - loop.time()) if period else 0.0)
+            sent.append(loop.time())
+            await client.send(frame)
+            until = loop.time() + server.patience
+            while not period and len(times) < len(sent) and await client.wait(until):
+                pass
+        until = loop.time() + server.patience
+        while len(times) < num and client.ending is None and await client.wait(until):
+            pass
+        return times
+    finally:
+        await client.close()
+
+
+async def _round_trip(server: ExaminedServer, topic: str) -> str:
+    waits = sorted(1e3 * (came - sent) for sent, came in await _arrivals(server, topic, NUM_TRIPS, 0.0, 50))
+    if len(waits) < NUM_TRIPS:
+        return f"{NUM_TRIPS - len(waits)} of {NUM_TRIPS} messages did not come back"
+    return f"={median(waits):.2f} ms, the slowest of twenty {waits[-NUM_TRIPS // 20]:.2f} ms"
+
+
+async def _jitter(server: ExaminedServer, topic: str) -> str:
+    num = round(2 * RATE)
+    times = await _arrivals(server, topic, num, 1 / RATE, 50)
+    if len(times) < num:
+        return f"{num - len(times)} of {num} messages did not come back"
+    gaps = [after - before for (_, before), (_, after) in pairwise(times)]
+    late = sorted(1e3 * abs(gap - 1 / RATE) for gap in gaps)
+    return f"=gaps differ from {1e3 / RATE:.0f} ms by {median(late):.2f} ms, one in twenty by {late[-num // 20]:.2f} ms"
+
+
+def _load(size: int, num: int) -> Callable[[ExaminedServer, str], Awaitable[str]]:
+    async def run(server: ExaminedServer, topic: str) -> str:
+        begun = time.perf_counter()
+        times = await _arrivals(server, topic, num, 1e-9, size)
+        taken = time.perf_counter() - begun
+        if not times:
+            return "no message came back"
+        rate = len(times) / taken
+        return f"={rate:,.0f} messages a second ({len(times)} of {num} came), {rate * size / 1e6:.1f} MB/s"
+
+    return run
+
+
+_WORK: Final[dict[str, tuple[str, str, Callable[[ExaminedServer, str], Awaitable[str]]]]] = {
+    "connection/query": ("clients write a token there", "a query in the URL is no mistake", _query),
+    "connection/ping": (f"{_RFC}, section 5.5.2", "a ping is answered", _ping),
+    "connection/close": (f"{_RFC}, section 7.1", "a close is answered with the same code", _close),
+    "connection/compression": ("RFC 7692", "an offer to compress is no mistake", _deflate),
+    "connection/subprotocol": (
+        f"{_RFC}, section 4.2.2",
+        "a subprotocol that the server lacks is no mistake",
+        _subprotocol,
+    ),
+    "connection/many": ("rosbridge_suite 0.11.17", "twenty clients are connected at a time", _many),
+    "connection/token": ("security", "a client without the token gets no answers", _needs_token),
+    "timing/round-trip": ("a figure", "time from a publish until the message comes back", _round_trip),
+    "timing/jitter": ("a figure", "regularity of a topic of 50 Hz", _jitter),
+    "load/small": ("a figure", "throughput of messages of 50 characters", _load(50, 5_000)),
+    "load/picture": ("a figure", "throughput of messages of 100 kB", _load(100_000, 100)),
+    "load/large": ("a figure", "throughput of messages of 1 MB", _load(1_000_000, 10)),
+}
+"""Id of a check -> source, what is checked, and the function that does it.
+
+It returns what is wrong, empty if nothing is; or behind `=` a figure, which is never wrong."""
+
+CHECKS: Final[Sequence[Check]] = [Check(name, source, says, []) for name, (source, says, _) in _WORK.items()]
+
+
+async def run(check: Check, server: ExaminedServer, prefix: str) -> CheckResult:
+    """Run one of these checks.
+
+    Args:
+        check: the check.
+        server: the server.
+        prefix: namespace for its topic.
+    """
+    if check.id == "connection/token" and server.token is None:
+        return CheckResult(check, Verdict.NOT_APPLICABLE, "no --token is given")
+    text = await _WORK[check.id][2](server, f"{prefix}/t")
+    if text.startswith("="):
+        return CheckResult(check, Verdict.CONFORMS, text[1:])
+    return CheckResult(check, Verdict.DEVIATES if text else Verdict.CONFORMS, text)

@@ -1,0 +1,144 @@
+"""`rosbridge-sim doctor` with this server, with a server without rosapi, and with servers that are wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Literal
+from xml.etree import ElementTree as ET
+
+import pytest
+import pytest_asyncio
+
+from rosbridge_sim import Simulator
+from rosbridge_sim.cli.tools.doctor import all_checks
+from tests.cli.tool_fixture import Result, other_server, run
+from tests.cli.wrong_server import FAULTS, Fault, wrong_server
+from tests.support import PATIENCE
+
+LISTS = ("rosapi/topics", "rosapi/services", "rosapi/nodes")
+
+NOT_PRESCRIBED = ("binary frames are lost",)
+
+SHORT = "0.2"
+"""Wait for frames that do not come [s]."""
+
+
+async def doctor(url: str, *words: str) -> Result:
+    async with asyncio.timeout(PATIENCE):
+        return await asyncio.to_thread(run, "doctor", url, *words)
+
+
+@pytest_asyncio.fixture
+async def url() -> AsyncIterator[str]:
+    async with Simulator(port=0, world=False) as simulator:
+        yield simulator.url
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ros", "world"), [(1, True), (2, True), (1, False)])
+async def test_this_server_conforms_in_every_check(ros: Literal[1, 2], *, world: bool) -> None:
+    async with Simulator(port=0, ros=ros, world=world) as simulator:
+        done = await doctor(simulator.url, "--hostile", "--json")
+        names = await doctor(simulator.url, "--only", "rosapi", "--json")
+    verdicts = {one["id"]: (one["verdict"], one["reason"]) for one in done.json["checks"]}
+    assert {id_: one for id_, one in verdicts.items() if one[0] not in {"conforms", "not applicable"}} == {}
+    why = {reason for verdict, reason in verdicts.values() if verdict == "not applicable"}
+    assert why == {"no --token is given", f"only for ROS {3 - ros}"}
+    assert len(verdicts) > 280
+    listed = json.dumps(
+        [one["came"] for one in names.json["checks"] if one["id"] in {"rosapi/services", "rosapi/nodes"}]
+    )
+    assert "doctor_" not in listed  # it leaves nothing behind
+
+
+@pytest.mark.parametrize("what", FAULTS)
+async def test_every_fault_is_found_and_named(what: str, url: str) -> None:
+    fault = FAULTS[what]
+    good = await doctor(url, "--only", fault.check, "--timeout", SHORT)
+    async with wrong_server(url, fault) as wrong:
+        found = await doctor(wrong, "--only", fault.check, "--timeout", SHORT)
+    assert (good.code, fault.check in good.out) == (0, False), good.out
+    assert f"{fault.check}: " in found.out
+    assert found.code == (0 if what in NOT_PRESCRIBED else 1), found.out
+
+
+async def test_server_without_rosapi_is_examined() -> None:
+    async with other_server(lambda _frame: []) as silent:
+        done = await doctor(silent, "--only", "topics/message-keys", "--timeout", "0.05", "--json")
+    (check,) = json.loads(done.out)["checks"]
+    assert done.code == 1
+    assert check["verdict"] == "missing"
+    assert check["came"] == []
+
+
+async def test_server_that_denies_names_is_examined() -> None:
+    async with Simulator(port=0, world=False, deny_publish=["/doctor_*"]) as simulator:
+        done = await doctor(simulator.url, "--only", "topics/message-keys", "--only", "services/unknown")
+    assert done.code == 1
+    assert "also got" in done.out or "got nothing" in done.out
+    assert "services     1 conforms" in done.out
+
+
+async def test_token_is_needed_and_given() -> None:
+    async with Simulator(port=0, world=False, token="secret") as simulator:  # noqa: S106 - of this test alone
+        refused = await doctor(simulator.url, "--only", "connection")
+        done = await doctor(simulator.url, "--only", "connection", "--token", "secret", "--json")
+    assert (refused.code, "it needs a token (--token)" in refused.complaint) == (2, True)
+    assert {one["id"]: one["verdict"] for one in done.json["checks"]}["connection/token"] == "conforms"
+
+
+async def test_nothing_listens() -> None:
+    done = await doctor("ws://127.0.0.1:1")
+    assert (done.code, done.complaint) == (2, "ws://127.0.0.1:1: nothing listens there; is the server running?")
+
+
+async def test_known_differences_are_no_faults(url: str, tmp_path: Path) -> None:
+    fault = FAULTS["failures are successes"]
+    words = ("--only", "services/unknown", "--only", "topics/burst", "--timeout", SHORT)
+    async with wrong_server(url, fault) as wrong:
+        first = await doctor(wrong, *words, "--json")
+        (tmp_path / "known.json").write_text(first.out)
+        again = await doctor(wrong, *words, "--baseline", str(tmp_path / "known.json"))
+    both = Fault("", down=lambda op: [step for one in fault.down(op) or [] for step in [one, one]])
+    async with wrong_server(url, both) as worse:
+        third = await doctor(worse, *words, "--baseline", str(tmp_path / "known.json"))
+    assert (first.code, again.code, third.code) == (1, 0, 1)
+    assert "deviates (known): services/unknown" in again.out
+
+
+async def test_reports_for_machines_and_issues(url: str, tmp_path: Path) -> None:
+    words = ("--only", "services/unknown", "--only", "topics/burst", "--only", "connection/token", "--timeout", SHORT)
+    async with wrong_server(url, FAULTS["failures are successes"]) as wrong:
+        done = await doctor(wrong, *words, "--markdown", "--junit", str(tmp_path / "junit.xml"))
+    suite = ET.fromstring((tmp_path / "junit.xml").read_text())  # noqa: S314 - our own
+    assert (suite.get("tests"), suite.get("failures"), suite.get("skipped")) == ("3", "1", "1")
+    assert "| services | 1 deviates |" in done.out
+    assert '"op": "call_service"' in done.out
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--only", "topics/lach"], "--only: no check is called 'topics/lach' (did you mean topics/latch"),
+        (["--baseline", "/nothing/x.json"], "--baseline: /nothing/x.json: cannot be read: No such file or directory"),
+        (["--baseline", __file__], f"--baseline: {__file__}: expected the output of `rosbridge-sim doctor --json`"),
+    ],
+)
+async def test_mistake_in_the_command_line_is_one_line(words: list[str], complaint: str) -> None:
+    done = await doctor("ws://127.0.0.1:1", *words)
+    assert done.code == 2
+    assert done.complaint.startswith(complaint)
+
+
+def test_list_has_every_check_with_its_source() -> None:
+    listed = run("doctor", "--list", "--json").json
+    assert [one["id"] for one in listed] == [one.id for one in all_checks(is_hostile=True, is_load=True)]
+    assert all(one["says"] and one["source"] for one in listed)
+
+
+def test_checks_of_what_no_honest_client_sends_are_made_only_when_wanted() -> None:
+    usual = {one.section for one in all_checks(is_hostile=False, is_load=False)}
+    assert not usual & {"hostile", "load", "large"}
