@@ -167,3 +167,21 @@ def test_bounds_of_a_box_in_a_fisheye_are_those_of_its_bent_edges() -> None:
 def test_coefficients_with_which_the_picture_folds_are_found() -> None:
     assert FisheyeModel(distortion=BENT).is_one_to_one
     assert not FisheyeModel(distortion=(-0.5, 0.0, 0.0, 0.0)).is_one_to_one
+
+
+def test_depths_are_along_the_axis_of_a_plane_picture_and_distances_for_a_fisheye() -> None:
+    points = np.array([[(3.0, 4.0, 0.0), (1.0, 2.0, 2.0)], [(5.0, 0.0, 0.0), (0.0, 6.0, 8.0)]])
+    assert CameraModel(64, 48, 90.0).depths(points).tolist() == [[3.0, 1.0], [5.0, 0.0]]
+    assert FisheyeModel(64, 48, 180.0).depths(points).tolist() == [[5.0, 3.0], [5.0, 10.0]]
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "is_right"),
+    [(1, 1, True), (8192, 1012, True), (8192, 1013, False), (8193, 1, False), (0, 1, False), (1, 0, False)],
+)
+def test_picture_has_a_pixel_at_least_and_eight_million_at_most(width: int, height: int, is_right: bool) -> None:  # noqa: FBT001 - of the table
+    if is_right:
+        assert CameraModel(width, height, 90.0).width == width
+    else:
+        with pytest.raises(ValueError, match="camera: expected"):
+            CameraModel(width, height, 90.0)

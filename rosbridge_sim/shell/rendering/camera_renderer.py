@@ -7,6 +7,8 @@ one classes, instances and depth with one, so that no pixel mixes two things.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -63,7 +65,7 @@ class CameraRenderer:
         self._moving = MovingBuffer(context, self._shadow)
         self._frame: tuple[SceneFrame, Mesh, FloatArray, NDArray[np.bool_]] | None = None
         self._targets: dict[tuple[int, int, int], Targets] = {}
-        self._lenses: dict[CameraModel, Lens] = {}
+        self._lens: Callable[[CameraModel], Lens] = lru_cache(maxsize=MAX_LENSES)(Lens)
 
     @property
     def device(self) -> str:
@@ -236,13 +238,6 @@ class CameraRenderer:
                 self._targets.pop(next(iter(self._targets))).release()
             self._targets[key] = Targets(self._context, size, samples)
         return self._targets[key]
-
-    def _lens(self, camera: CameraModel) -> Lens:
-        if camera not in self._lenses:
-            if len(self._lenses) >= MAX_LENSES:
-                self._lenses.pop(next(iter(self._lenses)))
-            self._lenses[camera] = Lens(camera)
-        return self._lenses[camera]
 
 
 MAX_TARGET_PIXELS: Final = 4_000_000

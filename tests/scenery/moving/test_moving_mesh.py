@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,9 +11,10 @@ import pytest
 from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.scenery.camera_geometry import box_corners
 from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
-from rosbridge_sim.scenery.moving.looks import EGO_PAINT
+from rosbridge_sim.scenery.moving.looks import EGO_PAINT, lit_table, paints, tint_table
 from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
-from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
+from rosbridge_sim.scenery.moving.template import Tint
+from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, Shape, take_frame
 from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.followers.lamps import BRAKE, LEFT, RIGHT
@@ -86,6 +88,41 @@ def test_lamps_are_lit_as_the_frame_says() -> None:
     world.frame += 20  # 0.4 s later
     assert len(lit(LEFT)) == 0
     assert len(lit(BRAKE)) == len(brakes)
+
+
+def test_vehicles_far_from_the_eye_have_fewer_triangles_and_beyond_its_reach_none() -> None:
+    world = World()
+    for x in (0.0, 44.0, 46.0, 200.0):
+        world.spawn(Kind.VEHICLE, Body(), name="car", x=x, y=0.0)
+    frame = take_frame(world)
+    mesh = MovingScene().mesh(frame, np.zeros(3), np.zeros(3), 100.0)
+    fine, coarse = 300 + 4 * 36, 104 + 4 * 16
+    nums = [int((mesh.instance == uid + 1).sum()) for uid in frame.ids]
+    assert nums == [fine, fine, coarse, 0]
+    mesh = MovingScene().mesh(frame, np.zeros(3), which=np.array([True, False, False, True]))
+    assert [int((mesh.instance == uid + 1).sum()) for uid in frame.ids] == [fine, 0, 0, fine]
+
+
+def test_turn_signals_blink_ninety_times_a_minute_and_brakes_do_not() -> None:
+    world = World()
+    uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0)
+    for lamps, num_on, num_changes in ((LEFT, 50, 6), (BRAKE, 100, 0)):
+        is_lit = []
+        for _ in range(100):  # two seconds
+            frame = take_frame(world, [EgoLook(world.row(uid), 5, lamps)])
+            is_lit.append(bool((lit_table(frame, np.array([0])) == Lit.NOW).any()))
+            world.frame += 1
+        assert sum(is_lit) == pytest.approx(num_on, abs=2)
+        assert sum(a != b for a, b in pairwise(is_lit)) == pytest.approx(num_changes, abs=1)
+
+
+def test_main_colours_are_those_of_the_meshes() -> None:
+    frame = crowd()
+    colours = paints(frame)
+    for shape in Shape:
+        for row in np.flatnonzero(frame.shapes == shape).tolist():
+            red, green, blue = tint_table(frame, np.array([row]), shape)[0, Tint.PAINT].tolist()
+            assert colours[row] == 65_536 * red + 256 * green + blue
 
 
 def test_front_wheels_are_steered() -> None:

@@ -122,6 +122,8 @@ def test_street_lamps_stand_36_m_apart_on_the_right_of_a_lane_in_a_town_and_hang
     for pole, arm, glass in zip(poles, arms, glasses, strict=True):
         assert (pole[:, 2].min(), np.ptp(pole[:, 2])) == pytest.approx((-BELOW - 0.1, 7.5), abs=1e-3)
         assert np.ptp(pole[:, 0]) == pytest.approx(2 * 0.09, abs=0.01)
+        assert np.ptp(pole[pole[:, 2] > 5.0, 0]) == pytest.approx(2 * 0.05, abs=0.01)
+        assert len(pole) == 14
         inwards = (EDGE + 1.1) + arm[:, 1]
         assert (inwards.min(), inwards.max()) == pytest.approx((0.0, 1.7), abs=1e-3)
         inwards = (EDGE + 1.1) + glass[:, 1]
@@ -131,11 +133,31 @@ def test_street_lamps_stand_36_m_apart_on_the_right_of_a_lane_in_a_town_and_hang
         assert glass[:, 2].max() == pytest.approx(7.5 - BELOW - 0.1, abs=1e-3)
 
 
+def test_lamp_beside_a_slanted_road_hangs_over_it_straight() -> None:
+    mesh = static_mesh(map_of(make(a=(line((0, 0), (30, 40)), "")), borders=LINES, crosswalks=PEOPLE), "x", 0)
+    (arm,) = [part for part in solids(mesh, Label.POLE) if np.ptp(part[:, 2]) < 1.0]
+    foot = np.array([0.6 * 18.0, 0.8 * 18.0]) + (EDGE + 1.1) * np.array([0.8, -0.6])
+    along, inwards = (arm[:, :2] - foot) @ (0.6, 0.8), (arm[:, :2] - foot) @ (-0.8, 0.6)
+    assert (along.min(), along.max()) == pytest.approx((-0.04, 0.04), abs=1e-3)
+    assert (inwards.min(), inwards.max()) == pytest.approx((0.0, 1.7), abs=1e-3)
+
+
+def test_lamps_of_lanes_side_by_side_are_not_nearer_than_three_fifths_of_their_distance() -> None:
+    roads = make(a=(line((0, 0), (100, 0)), ""), b=(line((90, 12), (0, 12)), ""))
+    mesh = static_mesh(map_of(roads, borders=LINES, crosswalks=PEOPLE), "x", 0)
+    feet = [pole[:, :2].mean(axis=0) for pole in solids(mesh, Label.POLE) if np.ptp(pole[:, 2]) > 5.0]
+    apart = min(np.linalg.norm(a - b) for i, a in enumerate(feet) for b in feet[:i])
+    assert len(feet) >= 4
+    assert 21.6 < apart < 30.0
+
+
 def test_posts_with_red_caps_stand_beside_country_roads(country: Mesh) -> None:
     parts = solids(country, Label.POLE)
     posts, caps = ([part for part in parts if (np.ptp(part[:, 2]) > 0.5) == is_post] for is_post in (True, False))
     assert len(posts) == len(caps) == 11
     for post, cap in zip(posts, caps, strict=True):
+        assert (np.ptp(post[:, 0]), np.ptp(cap[:, 0])) == pytest.approx((0.12, 0.13), abs=1e-3)
+        assert len(post) == len(cap) == 12
         assert post[:, 1].mean() == pytest.approx(-EDGE - 1.5, abs=1e-3)
         assert np.ptp(post[:, 2]) == pytest.approx(0.95, abs=1e-3)
         assert (cap[:, 2].min() - post[:, 2].max(), np.ptp(cap[:, 2])) == pytest.approx((0.0, 0.13), abs=1e-3)

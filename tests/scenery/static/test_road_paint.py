@@ -106,6 +106,14 @@ def test_stop_line_of_the_map_across_three_lanes_counts_for_the_one_in_the_middl
     assert area(mesh, Label.STOP_LINE) == pytest.approx(0.5 * 10.5)
 
 
+def test_stop_of_another_lane_is_painted_beside_one_of_the_map() -> None:
+    ways = [line((0, y), (40, y)) for y in (0.0, 30.0)]
+    roads = Roads(["a", "b"], ways, [[], []], [3.5, 3.5], [15.0, 15.0], is_stop=[True, True])
+    mesh = painted(Border("", line((39.75, -1.75), (39.75, 1.75)), 530, ("Solid",)), roads=roads)
+    assert area(mesh, Label.STOP_LINE) == pytest.approx(2 * 0.5 * 3.5)
+    assert corners(mesh, Label.STOP_LINE)[..., 1].max() == pytest.approx(31.75)
+
+
 @pytest.mark.parametrize("turn", range(4))
 @pytest.mark.parametrize("is_reversed", [False, True])
 def test_crosswalk_has_bars_along_the_road_as_far_as_it_is_long(turn: int, is_reversed: bool) -> None:  # noqa: FBT001 - of the table

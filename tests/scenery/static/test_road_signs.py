@@ -33,6 +33,14 @@ def test_arrow_is_filled_and_looks_up(outline: np.ndarray) -> None:
     assert set(mesh.label) == {Label.PAINT_WHITE}
 
 
+@pytest.mark.parametrize("turn", [1, -1])
+def test_triangle_looks_up_whatever_its_order(turn: int) -> None:
+    builder = MeshBuilder(np.zeros(3))
+    outline = np.array([(0, 0, 0), (2, 0, 0), (0, 3, 0)], dtype=np.float64)[::turn]
+    add_markings(builder, [Marking("wedge", outline)])
+    assert area_of(builder.finish()) == pytest.approx(3.0)
+
+
 def test_outline_that_crosses_itself_ends() -> None:
     builder = MeshBuilder(np.zeros(3))
     add_markings(builder, [Marking("bow", np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)], dtype=np.float64))])
@@ -47,6 +55,7 @@ def test_sign_faces_its_heading_on_a_pole_beside_the_road() -> None:
     low, high = corners[corners[:, 1] > 3.0], corners[corners[:, 1] < 3.0]
     assert low.min(axis=0) == pytest.approx([49.98, 5.7, 2.0], abs=0.1)
     assert low[:, 2].max() == pytest.approx(2.6, abs=0.1)
+    assert (low[:, 1].min(), low[:, 1].max()) == pytest.approx((5.7, 6.3), abs=1e-3)
     assert high[:, 2].min() == pytest.approx(5.0, abs=0.1)  # over the road, and without a pole
     poles = mesh.vertices[mesh.triangles[mesh.label == Label.POLE]].reshape(-1, 3) + mesh.origin
     assert (np.hypot(poles[:, 0] - 50.0, poles[:, 1] - 6.0) < 0.15).all()

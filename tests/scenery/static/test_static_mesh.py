@@ -17,6 +17,7 @@ from rosbridge_sim.scenery.static.road_paint import add_paint
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.roads.surface import Surface
+from tests.scenery.solid_figures import area_seen_from_above
 from tests.world.road_factory import line, make
 
 PAINT = (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.CROSSWALK, Label.STOP_LINE)
@@ -170,6 +171,22 @@ def test_crosswalk_of_any_size_has_few_triangles() -> None:
         False,
         False,
     ]
+
+
+@pytest.mark.parametrize("step", [1, -1])
+def test_crosswalk_beside_the_lanes_lies_on_asphalt_that_looks_up(step: int) -> None:
+    roads = make(a=(line((0, 0), (20, 0)), ""))
+    outline = line((8, -6), (12, -6), (12, 6), (8, 6))[::step]
+    road_map = RoadMap("own", map_of("loop").projection, (0.0, 0.0, 0.0), roads)
+    paint = LoosePaint(replace(road_map, crosswalks=(Crosswalk("", (outline,)),)), RoadCover(roads))
+    builder = MeshBuilder(np.zeros(3))
+    paint.add_asphalt(builder)
+    mesh = builder.finish()
+    assert (mesh.normals[:, 2] > 0.99).all()
+    places = places_of(mesh, Label.ASPHALT)
+    # Pieces of half a metre whose middle is not on the asphalt of the lane, 1.9 m from its line.
+    assert np.abs(places[..., 1].mean(axis=1)).min() > 1.75
+    assert area_seen_from_above(mesh.vertices, mesh.triangles) == pytest.approx(4.0 * 2 * 4.0)
 
 
 def test_map_without_roads_has_no_triangles() -> None:
