@@ -162,7 +162,8 @@ async def test_a_rospy_program_drives_in_synchronous_mode_until_it_is_killed(ser
         assert await driver.wait() == -signal.SIGKILL
         assert (seen["frames"], seen["steps"], seen["egos"] >= 200) == (200, [20_000_000], True)
         assert seen["speeds"][-1] > seen["speeds"][50] > seen["speeds"][0]
-        await client.message_where("/SyncModeInfo", lambda info: not info["sync_mode"])
+        await client.message_where("/SyncModeInfo", lambda info: bool(info["status"]))
+        await client.message_where("/SyncModeInfo", lambda info: not info["status"])
     assert "node /planner has gone" in (ros.folder / "log").read_text()
 
 
