@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cache, partial
 from types import NoneType, UnionType
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias, TypeVar, Union, get_args, get_origin
@@ -36,6 +36,9 @@ MAX_DOCUMENT_MISTAKES: Final = 100
 
 Place: TypeAlias = tuple[int | str, ...]
 """Keys and indices of a value; empty for the document as a whole."""
+
+Where: TypeAlias = Callable[[Place], str]
+"""Returns the text for a place in an error."""
 
 
 class Mistake(Record):
@@ -76,16 +79,26 @@ def read_values(kind: DocumentType[T], value: object, source: str) -> T:
     Raises:
         DocumentError: one line, the first mistake; see `read_document`.
     """
+    checked = check_values(kind, value, partial(_place_in, source))
+    if checked[0] is None:
+        raise DocumentError(next(checked[1]).text)
+    return checked[0]
+
+
+def check_values(kind: DocumentType[T], value: object, where: Where) -> tuple[T | None, Iterator[Mistake]]:
+    """Return the model of a parsed document, or None and its mistakes: the first hundred, and the number of the others.
+
+    Args:
+        where: returns the text for a place.
+    """
     try:
         model: T = _document_reader(kind)(value)
+        return model, iter(())
     except ValueError as error:
-        found = _wrong_of(error, value)
-    else:
-        return model
-    raise DocumentError(_line(found.mistakes[0], source))
+        return None, _told(_wrong_of(error, value), where)
 
 
-def find_mistakes(kind: DocumentType[T], text: bytes, source: str, max_bytes: int) -> list[Mistake]:
+def find_mistakes(kind: DocumentType[Any], text: bytes, source: str, max_bytes: int) -> list[Mistake]:
     """Return all mistakes of a JSON document, each in the words of `read_document`.
 
     Args:
@@ -95,21 +108,13 @@ def find_mistakes(kind: DocumentType[T], text: bytes, source: str, max_bytes: in
         max_bytes: largest length of `text`.
 
     Returns:
-        The first hundred mistakes in the document's order, and the number of the others; empty if there are none.
+        The mistakes in the document's order, see `check_values`; empty if there are none.
     """
     try:
         value = parse_json(text, source, max_bytes)
     except DocumentError as error:
         return [Mistake((), str(error))]
-    try:
-        _document_reader(kind)(value)
-    except ValueError as error:
-        wrong = _wrong_of(error, value)
-    else:
-        return []
-    found = [Mistake(one.place, _line(one, source)) for one in wrong.mistakes]
-    more = wrong.num - len(found)
-    return [*found, *([Mistake((), f"{source}: ... and {more:,} more")] if more else [])]
+    return list(check_values(kind, value, partial(_place_in, source))[1])
 
 
 def parse_json(text: bytes, source: str, max_bytes: int) -> JsonValue:
@@ -199,15 +204,23 @@ def _wrong_of(error: ValueError, value: object) -> _WrongError:
     return wrong
 
 
-def _line(found: _Found, source: str) -> str:
-    """Return a mistake in one line: `vehicleList[2].pos: expected an object, got null`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{printable(part, MAX_KEY_SHOWN)}" for part in found.place)
+def _place_in(source: str, place: Place) -> str:
+    """Return a file and a place in it: `demo.json: vehicleList[2].pos`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{printable(part, MAX_KEY_SHOWN)}" for part in place)
     path = "".join(parts).removeprefix(".")
-    got = "" if found.value is _NOTHING else f", got {show_json(found.value)}"
-    near = ""
-    if isinstance(found.error, _NoSuchError):
-        near = hint(str(found.place[-1] if found.value is _NOTHING else found.value), found.error.known)
-    return f"{source}: {path}{': ' if path else ''}{found.error}{got}{near}"
+    return f"{source}: {path}" if path else source
+
+
+def _told(wrong: _WrongError, where: Where) -> Iterator[Mistake]:
+    """Yield the mistakes in words: `demo.json: vehicleList[2].pos: expected an object, got null`."""
+    for place, error, value in wrong.mistakes:
+        got = "" if value is _NOTHING else f", got {show_json(value)}"
+        near = ""
+        if isinstance(error, _NoSuchError):
+            near = hint(str(place[-1] if value is _NOTHING else value), error.known)
+        yield Mistake(place, f"{where(place)}: {error}{got}{near}")
+    if wrong.num > len(wrong.mistakes):
+        yield Mistake((), f"{where(())}: ... and {wrong.num - len(wrong.mistakes):,} more")
 
 
 def show_json(value: JsonValue) -> str:
@@ -430,7 +443,7 @@ def _model_reader(kind: type[Document]) -> _Reader:
                 except ValueError as error:
                     wrong = _added(wrong, key, error, value[key])
             elif key in needed:
-                wrong = _added(wrong, key, ValueError("missing"))
+                wrong = _added(wrong, key, ValueError(f"missing{_meaning_of(fields_of(kind)[key])}"))
         if wrong is not None:
             raise wrong
         try:
@@ -439,6 +452,12 @@ def _model_reader(kind: type[Document]) -> _Reader:
             raise _wrong_of(error, value) from None
 
     return read
+
+
+def _meaning_of(form: Any) -> str:  # noqa: ANN401 - a type form
+    """Return the description of a field, to follow that it is missing."""
+    texts = [mark.description for mark in getattr(form, "__metadata__", ()) if mark.description]
+    return f"; {texts[-1]}" if texts else ""
 
 
 def _strange_keys(value: Iterable[str], known: Sequence[str]) -> _WrongError:

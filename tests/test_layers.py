@@ -110,7 +110,7 @@ link: * protocol
 client: * link protocol
 shell.config: * graph.gateway graph.ros2 link simulator.bus
 shell.clocks: * graph
-shell.files: * document_reading maps morai scenarios schema schema.definitions shell.config simulator.bus
+shell.files: * document_reading documents maps morai scenarios schema schema.definitions shell.config simulator.bus
     simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.rendering: records scenery scenery.moving world.geometry

@@ -67,7 +67,10 @@ def test_all_errors_are_reported_with_their_paths() -> None:
         "mine.json: vehicleList[1].initPosition: missing",
         "mine.json: objectList[0].pos: expected an object, got 1",
         "mine.json: waypointDataList[1].waypointData[0].pos: missing",
-        "mine.json: tlList[0].index: missing",
+        (
+            "mine.json: tlList[0].index: missing; index of its controller among the map's, from 0;"
+            " any other text is its id"
+        ),
         "mine.json: tlList[0].state: expected a number, got 'x'",
         "mine.json: waypointDataList[0]: expected a path of at most 1,000 km",
         "mine.json: vehicleList[2].initPosition.initLink: missing",

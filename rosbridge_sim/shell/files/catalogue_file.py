@@ -18,9 +18,14 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Final
+from typing import Annotated, Final
 
+from msgspec import Meta, field
+
+from rosbridge_sim.document_reading import Place, check_values, show_json
+from rosbridge_sim.documents import Document, DocumentType
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
 from rosbridge_sim.shell.config.value_types import show_size
@@ -81,8 +86,9 @@ class _Entry(Record):
     values: Mapping[str, object]
     lines: Mapping[str, str]
 
-    def at(self, column: str) -> str:
+    def at(self, place: Place) -> str:
         """Return the place of a column, for errors."""
+        column = str(place[0])
         return f"{self.lines.get(column, self.where)}: {column}"
 
 
@@ -106,17 +112,22 @@ def read_catalogue(path: Path) -> Catalogue:
     models = []
     taken: dict[tuple[object, ...], str] = {}
     for entry in entries:
-        reader = _Reader(entry)
-        model = reader.model()
-        mistakes += reader.mistakes
-        if model is None:
+        checked = check_values(_ROW, entry.values, entry.at)
+        row, told = checked
+        mistakes += [mistake.text for mistake in told]
+        if row is None:
+            continue
+        try:
+            model = _model_of(row)
+        except _MisfitError as error:
+            mistakes.append(f"{entry.at((error.column,))}: {error}")
             continue
         ids = [((model.kind, data_id), f"DataID {data_id}") for data_id in model.data_ids]
         for key, what in [*ids, ((key_of_name(model.name),), f"name {model.name!r}")]:
             first = taken.setdefault(key, entry.where)
             if first is not entry.where:
                 column = what.partition(" ")[0]
-                mistakes.append(f"{entry.at(column)}: {what.partition(' ')[2]} is already used at {first}")
+                mistakes.append(f"{entry.at((column,))}: {what.partition(' ')[2]} is already used at {first}")
         models.append(model)
     if mistakes:
         more = (
@@ -175,7 +186,7 @@ def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
         head = heads[i] if len(heads) == len(models) else None
         where = f"{path}: model {i + 1}" if head is None else f"{path}:{head}"
         if not isinstance(values, dict):
-            raise DocumentError(f"{where}: expected a table, got {_shown(values)}")
+            raise DocumentError(f"{where}: expected a table, got {show_json(values)}")
         end = len(lines) if head is None or i + 1 == len(models) else heads[i + 1] - 1
         own_lines = {} if head is None else dict(_lines_of(lines, head, end, path))
         columns = {key: _column(key, own_lines.get(key, where)) for key in values}
@@ -231,123 +242,118 @@ def _column(text: str, where: str) -> str:
 # One model
 
 
-class _Reader:
-    """Conversion of one entry into one model.
+def _within(low: float, high: float, unit: str) -> Meta:
+    """Return the mark of a number within bounds, also as text."""
+    expected = f"expected a number from {low:g} to {high:,g} [{unit}]"
 
-    Attributes:
-        mistakes: one line each.
+    def read(value: object) -> object:
+        try:
+            found = float(value) if isinstance(value, str) else value
+        except ValueError:
+            found = None
+        if not isinstance(found, int | float) or isinstance(found, bool) or not low <= found <= high:
+            raise ValueError(expected)
+        return found
+
+    return Meta(description=expected, extra={"read": read})
+
+
+def _read_data_id(value: object) -> int:
+    text = str(value).strip() if isinstance(value, (int, str)) and not isinstance(value, bool) else ""
+    if not re.fullmatch(r"[0-9]{1,10}", text) or not 0 < int(text) <= MAX_DATA_ID:
+        raise ValueError("expected a number such as 30200005")
+    return int(text)
+
+
+def _read_name(value: object) -> object:
+    if isinstance(value, str) and key_of_name(value) and len(value) <= MAX_CATALOGUE_TEXT and value.isprintable():
+        return value
+    raise ValueError(_A_NAME)
+
+
+def _read_class(value: object) -> object:
+    kind = _CLASSES.get(str(value).strip().casefold())
+    if kind is None:
+        raise ValueError(_A_CLASS)
+    return kind
+
+
+_A_NAME: Final = f"expected a name of at most {MAX_CATALOGUE_TEXT} characters"
+_A_CLASS: Final = "expected vehicle, pedestrian or obstacle"
+_Length = Annotated[float, _within(MIN_LENGTH, MAX_BODY_LENGTH, "m")]
+
+
+class _Row(Document, frozen=True, kw_only=True):
+    """A model as the file has it, by its columns."""
+
+    data_ids: tuple[Annotated[int, Meta(extra={"read": _read_data_id})], ...] = field(name="DataID", default=())
+    name: Annotated[str, Meta(description=_A_NAME, extra={"read": _read_name})]
+    kind: Annotated[Kind, Meta(description=_A_CLASS, extra={"read": _read_class})] = field(name="class")
+    length: _Length
+    width: _Length
+    height: _Length
+    wheelbase: _Length | None = None
+    rear_overhang: Annotated[float, _within(0.0, MAX_BODY_LENGTH, "m")] | None = None
+    max_steer: Annotated[float, _within(MIN_STEER, MAX_STEER, "deg")] | None = None
+    mass: Annotated[float, _within(0.0, MAX_MASS, "kg")] = 0.0
+
+    @classmethod
+    def prepare(cls, value: JsonValue) -> JsonValue:
+        """Split the DataIDs, of which there may be none; the first one gives a name and a class that are missing."""
+        ids = value.get("DataID", [])
+        ids = re.split(r"[\s|]+", ids.strip()) if isinstance(ids, str) else ids if isinstance(ids, list) else [ids]
+        try:
+            first = _read_data_id(ids[0])
+        except (ValueError, IndexError):
+            return {**value, "DataID": ids}
+        kind = class_of_data_id(first)
+        return {"name": f"Model_{first}", **({} if kind is None else {"class": kind.name}), **value, "DataID": ids}
+
+
+_ROW: Final = DocumentType[_Row](_Row)
+
+
+class _MisfitError(Exception):
+    """A value that does not fit the others of its row."""
+
+    def __init__(self, column: str, text: str) -> None:
+        super().__init__(text)
+        self.column = column
+
+
+def _model_of(row: _Row) -> Model:
+    """Return a model; missing lengths of a vehicle have the proportions of the standard car.
+
+    Raises:
+        _MisfitError: a value does not fit the others.
     """
-
-    def __init__(self, entry: _Entry) -> None:
-        self._entry = entry
-        self.mistakes: list[str] = []
-
-    def model(self) -> Model | None:
-        """Return the model; None if there are mistakes."""
-        data_ids = self._data_ids()
-        name = self._name(data_ids)
-        kind = self._kind(data_ids)
-        size = [self._number(column, (MIN_LENGTH, MAX_BODY_LENGTH), "m") for column in ("length", "width", "height")]
-        mass = self._number("mass", (0.0, MAX_MASS), "kg", 0.0) or None
-        body = self._body_on_wheels(*size) if kind is Kind.VEHICLE else self._box(*size)
-        if body is not None and mass is not None and kind is Kind.VEHICLE:
-            body = replace(body, mass=mass)
-        return None if kind is None or body is None else Model(name, kind, body, data_ids, mass)
-
-    def _box(self, length: float, width: float, height: float) -> Body | None:
-        strange = next((column for column in _OF_VEHICLES if column in self._entry.values), None)
-        if strange is not None and not self.mistakes:
-            self._tell(strange, "expected no value: only vehicles have it")
-        return None if self.mistakes else Body.box(length, width, height)
-
-    def _body_on_wheels(self, length: float, width: float, height: float) -> Body | None:
-        """Return a vehicle's body; missing lengths have the proportions of the standard car."""
-        like = default_model(Kind.VEHICLE).body
-        wheelbase = self._number(
-            "wheelbase", (MIN_LENGTH, MAX_BODY_LENGTH), "m", round(like.wheelbase * length / like.length, 3)
-        )
+    mass, ids = row.mass or None, tuple(dict.fromkeys(row.data_ids))
+    if row.kind is not Kind.VEHICLE:
+        strange = next((column for column in _OF_VEHICLES if getattr(row, column) is not None), None)
+        if strange is not None:
+            raise _MisfitError(strange, "expected no value: only vehicles have it")
+        return Model(row.name, row.kind, Body.box(row.length, row.width, row.height), ids, mass)
+    like = default_model(Kind.VEHICLE).body
+    wheelbase, rear = row.wheelbase, row.rear_overhang
+    if wheelbase is None:
+        wheelbase = round(like.wheelbase * row.length / like.length, 3)
+    if rear is None:
         share = like.rear_overhang / (like.front_overhang + like.rear_overhang)
-        rear = self._number(
-            "rear_overhang", (0.0, MAX_BODY_LENGTH), "m", round(max(0.0, length - wheelbase) * share, 3)
-        )
-        max_steer = self._number("max_steer", (MIN_STEER, MAX_STEER), "deg", math.degrees(like.max_steer))
-        if self.mistakes:
-            return None
-        front = round(length - wheelbase - rear, 6)  # decimal numbers that add up must also add up as floats
-        if front < 0.0:
-            text = f"expected wheelbase and rear overhang to be at most the length, {length:g} m"
-            column = "rear_overhang" if "rear_overhang" in self._entry.values else "wheelbase"
-            self._tell(column, f"{text}; got {wheelbase:g} + {rear:g}")
-            return None
-        return Body(
-            *(length, width, height),
-            wheelbase=wheelbase,
-            front_overhang=front,
-            rear_overhang=rear,
-            max_steer=math.radians(max_steer),
-            cg_height=round(CG_SHARE * height, 3),
-        )
-
-    def _name(self, data_ids: tuple[int, ...]) -> str:
-        """Return the name; if it is missing, one made from the DataID."""
-        name = self._entry.values.get("name", f"Model_{data_ids[0]}" if data_ids else "")
-        if isinstance(name, str) and key_of_name(name) and len(name) <= MAX_CATALOGUE_TEXT and name.isprintable():
-            return name
-        self._tell("name", f"expected a name of at most {MAX_CATALOGUE_TEXT} characters, got {_shown(name)}")
-        return ""
-
-    def _kind(self, data_ids: tuple[int, ...]) -> Kind | None:
-        """Return the given class, or the class that belongs to the DataID."""
-        text = self._entry.values.get("class")
-        kind = class_of_data_id(data_ids[0]) if text is None and data_ids else None
-        if text is not None:
-            kind = _CLASSES.get(str(text).strip().casefold())
-        if kind is None:
-            came = "" if text is None else f", got {_shown(text)}"
-            self._tell("class", f"expected vehicle, pedestrian or obstacle{came}")
-        return kind
-
-    def _data_ids(self) -> tuple[int, ...]:
-        """Return the DataIDs of a model: none, one or several."""
-        value = self._entry.values.get("DataID", [])
-        parts = re.split(r"[\s|]+", value.strip()) if isinstance(value, str) else value
-        ids = []
-        for part in parts if isinstance(parts, list) else [parts]:
-            is_number = isinstance(part, (int, str)) and not isinstance(part, bool)
-            text = str(part).strip()
-            if not is_number or not re.fullmatch(r"[0-9]{1,10}", text) or not 0 < int(text) <= MAX_DATA_ID:
-                self._tell("DataID", f"expected a number such as 30200005, got {_shown(part)}")
-            else:
-                ids.append(int(text))
-        return tuple(dict.fromkeys(ids))
-
-    def _number(self, column: str, bounds: tuple[float, float], unit: str, default: float | None = None) -> float:
-        """Return a number; NaN after a mistake."""
-        value = self._entry.values.get(column, default)
-        low, high = bounds
-        if value is None:
-            self._tell(column, f"missing; expected a number from {low:g} to {high:,g} [{unit}]")
-            return math.nan
-        if isinstance(value, float) and math.isnan(value) and column not in self._entry.values:
-            return math.nan  # it is computed from another number that is wrong
-        number = math.nan
-        if isinstance(value, (str, int, float)) and not isinstance(value, bool):
-            try:
-                number = float(value)
-            except (ValueError, OverflowError):
-                number = math.nan
-        if not low <= number <= high:
-            self._tell(column, f"expected a number from {low:g} to {high:,g} [{unit}], got {_shown(value)}")
-            return math.nan
-        return number
-
-    def _tell(self, column: str, text: str) -> None:
-        self.mistakes.append(f"{self._entry.at(column)}: {text}")
+        rear = round(max(0.0, row.length - wheelbase) * share, 3)
+    front = round(row.length - wheelbase - rear, 6)  # decimal numbers that add up must also add up as floats
+    if front < 0.0:
+        text = f"expected wheelbase and rear overhang to be at most the length, {row.length:g} m"
+        column = "wheelbase" if row.rear_overhang is None else "rear_overhang"
+        raise _MisfitError(column, f"{text}; got {wheelbase:g} + {rear:g}")
+    body = Body(
+        *(row.length, row.width, row.height),
+        wheelbase=wheelbase,
+        front_overhang=front,
+        rear_overhang=rear,
+        max_steer=like.max_steer if row.max_steer is None else math.radians(row.max_steer),
+        cg_height=round(CG_SHARE * row.height, 3),
+    )
+    return Model(row.name, row.kind, body if mass is None else replace(body, mass=mass), ids, mass)
 
 
 _OF_VEHICLES: Final = ("wheelbase", "rear_overhang", "max_steer")
-
-
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= MAX_CATALOGUE_TEXT else f"{text[:MAX_CATALOGUE_TEXT]}..."
