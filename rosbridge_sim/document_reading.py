@@ -57,7 +57,6 @@ def read_document(kind: DocumentType[T], text: bytes, source: str, max_bytes: in
     """Read and check a JSON document.
 
     Args:
-        kind: what is expected.
         text: UTF-8, with or without a byte order mark.
         source: the file's name, for errors.
         max_bytes: largest length of `text`.
@@ -102,7 +101,6 @@ def find_mistakes(kind: DocumentType[Any], text: bytes, source: str, max_bytes: 
     """Return all mistakes of a JSON document, each in the words of `read_document`.
 
     Args:
-        kind: what is expected.
         text: UTF-8, with or without a byte order mark.
         source: the file's name, for errors.
         max_bytes: largest length of `text`.

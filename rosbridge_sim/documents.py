@@ -130,7 +130,6 @@ def text_within(
     """Return the mark of a text, which may be written as a number.
 
     Args:
-        longest: most characters.
         check: raises ValueError for a text that does not fit.
         pattern: regular expression of texts that fit, for the schema.
     """
@@ -201,7 +200,6 @@ def keys_beside(kind: type[Document], path: str) -> list[str]:
     """Return the keys that are valid at a path.
 
     Args:
-        kind: model of the document.
         path: a path that `sort_keys` returned.
 
     Returns:

@@ -103,10 +103,6 @@ def find_long_text(text: bytes) -> LongText | None:
 def put_back(short: bytes, base64: memoryview) -> tuple[bytes | memoryview, ...] | None:
     """Return the parts of a JSON text, end to end, with a long text in the place of the mark.
 
-    Args:
-        short: the text with the mark.
-        base64: the long text.
-
     Returns:
         The parts; None if the mark is not there, or more than once.
     """

@@ -34,7 +34,6 @@ def explain_not_json(text: bytes, error: Exception, source: str) -> str:
     Args:
         text: the text, without a byte order mark of UTF-8.
         error: that of Python's decoder or parser.
-        source: the file's name.
 
     Returns:
         One line, with the place where there is one.

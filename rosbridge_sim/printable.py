@@ -18,7 +18,6 @@ def printable(text: str, max_chars: int | None = None) -> str:
     These are halves of surrogate pairs, which no encoder can send, and `_UNSAFE`.
 
     Args:
-        text: text from a peer.
         max_chars: shorten it to this length and end it with `...`, so that an answer is never much longer than its
             request; None keeps all of it.
     """

@@ -59,11 +59,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the markers.
-
-    Args:
-        config: pytest's configuration.
-    """
+    """Register the markers."""
     for line in _MARKERS:
         config.addinivalue_line("markers", line)
 
@@ -73,7 +69,6 @@ def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) 
     """Return a function that starts simulators, each in its own thread; they are closed at the end of the test.
 
     Args:
-        request: the request of the fixture.
         tmp_path: the test's temporary folder.
     """
     from rosbridge_sim import DocumentError, Simulator  # noqa: PLC0415 - a run without simulators does not need it
@@ -109,11 +104,7 @@ def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) 
 
 @pytest.fixture
 def rosbridge_simulator(rosbridge_simulator_factory: SimulatorFactory) -> Simulator:
-    """Return a simulator for the test, with the scenario, seed and options of the test's markers.
-
-    Args:
-        rosbridge_simulator_factory: starts it.
-    """
+    """Return a simulator for the test, with the scenario, seed and options of the test's markers."""
     return rosbridge_simulator_factory()
 
 

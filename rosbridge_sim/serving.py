@@ -37,7 +37,6 @@ def serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     """Run `rosbridge-sim serve` until it is stopped; return the exit code.
 
     Args:
-        argv: the flags.
         is_attaching: `rosbridge-sim attach` was called.
 
     Raises:

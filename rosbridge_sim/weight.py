@@ -122,12 +122,7 @@ def weigh_in_slices(text: bytes | memoryview) -> Iterator[Weight]:
 
 
 def count_few(text: bytes, mark: bytes) -> int:
-    """Count a character up to `FEW`. If it is rare, this takes a tenth of the time of `bytes.count`.
-
-    Args:
-        text: where it is counted.
-        mark: the character.
-    """
+    """Count a character up to `FEW`. If it is rare, this takes a tenth of the time of `bytes.count`."""
     position, num = text.find(mark), 0
     while position >= 0 and num < FEW:
         num += 1
@@ -165,7 +160,6 @@ def _count_extremes(
 
     Args:
         data: the whole text, because a number may continue behind the slice.
-        part: the slice.
         outside: True for characters outside texts; None counts all.
     """
     is_digit = (part - _ZERO) < 10  # noqa: PLR2004 - wraps around below zero

@@ -52,9 +52,6 @@ class Job(Record):
 def read_job(path: Path, folder: Path) -> Job:
     """Read the file of a campaign.
 
-    Args:
-        folder: of the results.
-
     Raises:
         DocumentError: it is no file, cannot be read, or is not valid TOML.
     """
@@ -108,7 +105,6 @@ class LoadedJob:
 
         Args:
             name: name or file, as in the campaign.
-            changes: of the run.
 
         Raises:
             DocumentError: there is no such scenario, or no such place in it.

@@ -67,11 +67,7 @@ class KeptOutput(io.TextIOBase):
         self._num = 0
 
     def write(self, text: str) -> int:
-        """Take a piece of text; return its length.
-
-        Args:
-            text: the piece.
-        """
+        """Take a piece of text; return its length."""
         self.take(text.encode("utf-8", "backslashreplace"))
         return len(text)
 

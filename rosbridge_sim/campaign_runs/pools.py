@@ -143,7 +143,6 @@ def open_pool(job: Job, num_jobs: int, ray: str | None) -> Pool:
     """Return processes of this machine, or a Ray cluster.
 
     Args:
-        num_jobs: number of processes.
         ray: address of a cluster, or `local`; None for processes.
 
     Raises:

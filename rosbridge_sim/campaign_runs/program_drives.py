@@ -53,7 +53,6 @@ def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record:
     """Drive a run by a program.
 
     Args:
-        driver: with a command.
         record: record the topics of the simulator.
 
     Returns:

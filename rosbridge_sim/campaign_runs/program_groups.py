@@ -23,12 +23,7 @@ NOTE: Final = "group"
 
 
 def note_group(work: Path, number: int) -> None:
-    """Note the group of a program that was started just now. A full disk is no reason not to drive.
-
-    Args:
-        work: folder of the run.
-        number: of the group, which is that of the program.
-    """
+    """Note the group of a program that was started just now. A full disk is no reason not to drive."""
     began = _began(Path(f"/proc/{number}"))
     with contextlib.suppress(OSError):
         (work / NOTE).write_text(f"{number} {began}\n")
@@ -39,7 +34,6 @@ def end_groups(folder: Path, pattern: str = "*") -> None:
 
     Args:
         folder: has a folder for each run that is not done.
-        pattern: of the names of these.
     """
     for note in folder.glob(f"{pattern}/{NOTE}"):
         with contextlib.suppress(OSError, ValueError):
@@ -100,11 +94,7 @@ def children() -> frozenset[int]:
 
 
 def end_children(others: frozenset[int]) -> None:
-    """End all children but some; what these leave behind comes to this process, and ends as well.
-
-    Args:
-        others: children that stay.
-    """
+    """End all children but some; what these leave behind comes to this process, and ends as well."""
     for _ in range(_ROUNDS):
         left = children() - others
         if not left:

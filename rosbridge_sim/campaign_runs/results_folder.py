@@ -77,9 +77,6 @@ class ResultsFolder:
     def begin(self, job: Job, *, is_resumed: bool) -> list[Result]:
         """Begin the results, or take up those that are there.
 
-        Args:
-            is_resumed: go on with what is there.
-
         Returns:
             The results that are there already.
 
@@ -168,11 +165,7 @@ class ResultsFolder:
         return f"{self.title.rstrip('/')}/{file}"
 
     def append(self, result: Result) -> str:
-        """Write one result; return why the disk did not take it, to be tried again with the next one, or an empty text.
-
-        Args:
-            result: of a run.
-        """
+        """Write one result; return why the disk did not take it, to be tried again with the next, or an empty text."""
         self._waiting.append(json.dumps(result.to_json(), separators=(",", ":")).encode() + b"\n")
         try:
             while self._waiting:
@@ -215,8 +208,6 @@ class ResultsFolder:
 
         Args:
             results: in the order of the table.
-            parameters: names of the parameters.
-            name: of the campaign.
 
         Raises:
             DocumentError: the disk takes no more.
@@ -238,10 +229,6 @@ class ResultsFolder:
 
     def write(self, name: str, text: str) -> None:
         """Write a file in one piece: the old one stays if the disk is full.
-
-        Args:
-            name: within the folder.
-            text: of the file.
 
         Raises:
             DocumentError: the disk takes no more.
@@ -281,12 +268,7 @@ def _alike(cells: Sequence[Cell]) -> Sequence[Cell]:
 
 
 def run_folder(folder: str | Path, number: int) -> Path:
-    """Return the folder of what is kept of a run.
-
-    Args:
-        folder: of the results.
-        number: of the run.
-    """
+    """Return the folder of what is kept of a run."""
     return Path(folder) / "runs" / f"{number:0{DIGITS}d}"
 
 
@@ -301,9 +283,6 @@ def check_folder(folder: Path) -> None:
 
 def read_text_of(folder: Path) -> tuple[Job, str]:
     """Return the campaign of a folder of results, and its name.
-
-    Args:
-        folder: of results.
 
     Raises:
         DocumentError: it is no such folder.

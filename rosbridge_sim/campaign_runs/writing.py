@@ -26,7 +26,6 @@ def write_all(folder: ResultsFolder, campaign: Campaign, results: Sequence[Resul
 
     Args:
         results: in the order of the table.
-        name: of the campaign.
 
     Raises:
         DocumentError: the disk takes no more.

@@ -59,7 +59,6 @@ def read_assignments(
 
     Args:
         table: target -> number, or text of an expression.
-        parameters: names of the parameters.
         source: name of the file, for errors.
 
     Raises:
@@ -102,7 +101,6 @@ def change_document(document: Any, changes: Sequence[Change], source: str) -> An
     """Return a copy of a JSON document with other values; parts that are not changed are shared.
 
     Args:
-        document: the scenario's document.
         changes: a key that is missing is added; an entry of a list, or a table on the way, must be there.
         source: name of the scenario, for errors.
 

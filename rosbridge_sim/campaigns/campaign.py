@@ -85,9 +85,6 @@ class Campaign(Record):
     def values_of(self, run: Run) -> RunValues:
         """Return what a run sets.
 
-        Args:
-            run: one of the campaign.
-
         Raises:
             DocumentError: an expression has no value, or the vehicle is no text.
         """

@@ -67,9 +67,7 @@ def read_limits(item: LimitsItem, known: frozenset[str], numbers: frozenset[str]
     """Parse the limits of a campaign.
 
     Args:
-        item: as in the file.
         known: names that its expressions may use.
-        numbers: those of them that are numbers.
         source: name of the file, for errors.
 
     Raises:
@@ -102,7 +100,6 @@ def judge_trace(
 
     Args:
         trace: of at least one frame.
-        limits: of the campaign.
         checks: the user's functions by the name of the limit.
         own: breaches of the user's expressions, see `OwnLimits`.
 

@@ -21,9 +21,6 @@ class OwnLimits:
 
     Attributes:
         trouble: why a limit cannot be judged; empty if all can.
-
-    Args:
-        limits: of the campaign.
     """
 
     def __init__(self, limits: Limits) -> None:

@@ -36,7 +36,6 @@ def strongest_parameters(columns: Mapping[str, Sequence[Cell]], names: Sequence[
     """Return the two parameters that explain most of the verdicts, or of a score where all verdicts are the same.
 
     Args:
-        columns: of the table.
         names: of the columns of parameters; those that are no numbers are left out.
 
     Returns:

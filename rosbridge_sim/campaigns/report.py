@@ -68,10 +68,7 @@ def write_report(
     """Return the page.
 
     Args:
-        parts: its fixed parts.
-        name: of the campaign.
         results: in the order of the table.
-        parameters: names of the parameters.
         details: of runs that did not pass, at most `MAX_DETAILS`.
     """
     counts = Counter(result.verdict for result in results)

@@ -68,7 +68,6 @@ def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit:
     Args:
         times: [s], rising.
         values: at these times; infinite ones are left out.
-        name: of the figure.
         mark: time of a vertical line, such as that of the breach [s]; None for none.
     """
     step = max(len(times) // _MAX_POINTS, 1)

@@ -134,9 +134,6 @@ class Result:
     def from_json(cls, values: Mapping[str, Any]) -> Result:
         """Return the result that `to_json` has written.
 
-        Args:
-            values: of one line.
-
         Raises:
             KeyError, TypeError, ValueError: it is another thing.
         """

@@ -65,7 +65,6 @@ def write_table(results: Sequence[Result], parameters: Sequence[str]) -> str:
 
     Args:
         results: in the order of the table.
-        parameters: names of the parameters.
     """
     columns = columns_of(results, parameters)
     return _csv([list(columns), *zip(*columns.values(), strict=True)])
@@ -108,7 +107,6 @@ def write_junit(results: Sequence[Result], name: str) -> str:
 
     Args:
         results: in the order of the table.
-        name: of the campaign.
     """
     suites: dict[tuple[str, str], list[Result]] = {}
     for each in results:

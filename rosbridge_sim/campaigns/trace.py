@@ -128,7 +128,6 @@ class TraceRecorder:
         end_when: ends it earlier; None for never.
         parameters: of the run, and `seed`.
         judge: gets the values of each frame.
-        topics: has the values of fields of topics.
     """
 
     def __init__(

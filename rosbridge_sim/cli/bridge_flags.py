@@ -113,7 +113,6 @@ def add_bridge(
 
     Args:
         patience: default of the longest wait for an answer [s].
-        is_call: the answer is that of a service.
         is_waiting: the command waits for messages, by default for ever.
     """
     add_json(parser)

@@ -188,8 +188,6 @@ def make_number(low: float, high: float, what: str, as_type: type[int | float]) 
     """Return a function that reads a flag's number within limits.
 
     Args:
-        low: smallest value.
-        high: largest value.
         what: description of valid values, for errors.
         as_type: int for whole numbers.
     """

@@ -411,7 +411,6 @@ class AsyncClient(SimulatorRequests):
         """Publish a message. The server reports a mistake later: use `confirm` to wait for that.
 
         Args:
-            topic: name of the topic.
             msg: fields by name; a field that is left out is 0.
             type_name: type of the message, as `pkg/Type`. A new topic needs it once.
 
@@ -452,7 +451,6 @@ class AsyncClient(SimulatorRequests):
         the first one, because a message does not name its subscription.
 
         Args:
-            topic: name of the topic.
             type_name: type of its messages. None means the type of the topic, which must exist then.
             throttle_ms: shortest time between two messages [ms].
             keep: messages to keep until they are taken; if more come, the oldest are dropped first.
@@ -521,7 +519,6 @@ class AsyncClient(SimulatorRequests):
         Messages from before the call are missed: to publish something and see its effect, `subscribe` first.
 
         Args:
-            topic: name of the topic.
             predicate: takes a message and returns true if it fits; None accepts every message.
             type_name: as for `subscribe`.
             timeout: longest wait [s].

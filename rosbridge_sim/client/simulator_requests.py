@@ -175,7 +175,6 @@ class SimulatorRequests(ABC):
         """Return the picture of a scenario on its map, as a PNG file. Errors as for `spawn`.
 
         Args:
-            name: of the scenario.
             width: 64 to 1024; 0 for 320 [px].
             height: 64 to 1024; 0 for 200 [px].
             timeout: longest wait [s].
@@ -206,7 +205,6 @@ class SimulatorRequests(ABC):
 
         Args:
             start: a link, `(link, distance)`, `(x, y)` or `(x, y, heading_deg)` [m, deg].
-            goal: the same.
             timeout: longest wait [s].
         """
         return await self._call_sim("/sim/route", {"start": place_request(start), "goal": place_request(goal)}, timeout)
@@ -233,7 +231,6 @@ class SimulatorRequests(ABC):
         """Start synchronous mode with this client as its master; return the current frame number.
 
         Args:
-            user_id: name of the master.
             step_ms: simulated time of a tick: a multiple of 20 [ms].
 
         Returns:

@@ -27,7 +27,6 @@ class EgoCameras:
 
     Args:
         width: of the pictures [pixels].
-        height: likewise.
 
     Raises:
         RenderingUnavailableError: the extra `sensors` or a graphics library is missing; the text says what to do.

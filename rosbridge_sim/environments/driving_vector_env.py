@@ -34,7 +34,6 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
     Environment i does what `DrivingEnv` does with the seed of i.
 
     Args:
-        num_envs: number of environments.
         render_mode: `rgb_array`, or `human` for a page in the browser that shows the first environment, or None.
         max_episode_steps: steps after which an episode is truncated, as `make_vec` gives them; None for no end.
         autoreset_mode: when an environment that has ended begins again; see Gymnasium.
@@ -152,7 +151,6 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
 
         Args:
             achieved_goal: (6,) or (n, 6) of the observations.
-            desired_goal: likewise.
             info: of the step, or (n,) of them.
 
         Returns:

@@ -33,10 +33,6 @@ class Episodes:
         action: the kind of actions.
         starts: begin and goals.
 
-    Args:
-        worlds: of one map.
-        at: which egos.
-
     Raises:
         ValueError: a world has no ego, or an option does not fit the map.
     """

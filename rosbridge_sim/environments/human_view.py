@@ -19,7 +19,6 @@ class HumanView:
 
     Args:
         worlds: the worlds; the first one is shown.
-        scenario: of that world.
     """
 
     def __init__(self, worlds: Worlds, scenario: str) -> None:

@@ -52,7 +52,6 @@ def judge(
     Args:
         worlds: after the step.
         actions: (n, 2) of the step.
-        at: which egos.
         goals: (num_worlds, num_egos, 3), see `observe`.
         goal_lanes: (n, num_lanes) bool, lanes on which each has arrived; (n, 0) without such a goal.
         red_lights: (n,) passed before the step.

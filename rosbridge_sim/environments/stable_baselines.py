@@ -26,7 +26,6 @@ def make_vec_env(name: str, num_envs: int, **options: Any) -> Any:  # noqa: ANN4
 
     Args:
         name: of an environment, such as `rosbridge_sim/Highway-v1`.
-        num_envs: number of environments.
         options: those of `make_vec`.
 
     Raises:

@@ -28,9 +28,6 @@ class Starts:
         goal_lanes: (num_worlds, num_egos, num_lanes) bool, lanes on which an ego has arrived; (..., 0) without such a
             goal.
 
-    Args:
-        worlds: of one map.
-
     Raises:
         ValueError: the map has no such lane.
     """

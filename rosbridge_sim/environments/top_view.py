@@ -29,7 +29,6 @@ def draw(worlds: DrivableWorlds, number: int, goals: npt.NDArray[np.float64] | N
     """Return a picture of one world, north up, with the first ego in the middle, (400, 600, 3) uint8.
 
     Args:
-        number: of the world.
         goals: (num_egos, 3) bays of the egos, see `observe`; nan where there is none.
     """
     world = worlds.world(number)

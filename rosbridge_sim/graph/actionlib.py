@@ -80,9 +80,6 @@ class Actionlib:
     def __init__(self, bus: Bus, action: Action) -> None:
         """Advertise and subscribe for the whole run.
 
-        Args:
-            bus: the bus of the action.
-
         Raises:
             GraphError: a topic already has another type.
         """

@@ -261,7 +261,6 @@ class Actions:
 
         Args:
             state: shared with the other parts of the bus.
-            types: finds the types of actions.
             services: takes the services that cancel goals.
             max_goals: goals that one caller may have in progress.
         """
@@ -288,9 +287,7 @@ class Actions:
         """Offer an action. The last owner to offer a name gets it.
 
         Args:
-            owner: the provider.
             name: name of the action; may be relative.
-            type_name: its type, in any accepted spelling.
             take: gets each goal; a PeerError that it raises fails the goal.
             cancel: gets each goal that should be cancelled.
             is_exclusive: no client may take the name, neither now nor later.
@@ -324,7 +321,6 @@ class Actions:
         """Stop offering an action.
 
         Args:
-            owner: its provider.
             name: name of the action; may be relative.
 
         Raises:
@@ -349,7 +345,6 @@ class Actions:
         """Send a goal. `on_outcome` is called exactly once, unless the caller leaves first.
 
         Args:
-            caller: owner of the goal.
             name: name of the action; may be relative.
             args: fields by name, by position, or none; or a goal message that is already checked.
             on_outcome: gets the end.
@@ -433,11 +428,7 @@ class Actions:
             self._state.guard.contain(goal.caller, error)
 
     def hand_over(self, goal: Goal, outcome: GoalOutcome) -> None:
-        """Give a goal's end to its caller (for `Goal` alone). If it cannot be encoded, the goal fails.
-
-        Args:
-            outcome: its end.
-        """
+        """Give a goal's end to its caller (for `Goal` alone). If it cannot be encoded, the goal fails."""
         try:
             goal.on_outcome(outcome)
         except Exception as error:  # noqa: BLE001 - as above

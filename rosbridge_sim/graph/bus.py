@@ -54,7 +54,6 @@ class Bus(BusState):
         """Create a bus without participants.
 
         Args:
-            store: the types.
             is_strict: refuse types of unknown packages; otherwise their messages are relayed unchecked.
             service_timeout: default time-out of a call [s]; None waits for ever.
             max_calls: calls that one caller may have in flight.

@@ -46,9 +46,6 @@ class Delivery:
     def publish(self, sender: Participant, topic: Topic, message: Message, now: float) -> None:
         """Give a message to every subscriber of a topic that `sender` advertised.
 
-        Args:
-            sender: the publisher.
-
         Raises:
             PeerError: a mistake that a subscriber found, or a failed encoding. All other subscribers got the message.
             Exception: a subscriber failed that cannot be ended alone. All other subscribers got the message.
@@ -81,9 +78,6 @@ class Delivery:
         """Publish a message of the server itself. Mistakes and failures of subscribers go to the log.
 
         Never raises, because an error in a subscriber must not stop the world.
-
-        Args:
-            sender: the publisher.
         """
         try:
             self.publish(sender, topic, message, now)
@@ -102,7 +96,6 @@ class Delivery:
         The message is not latched.
 
         Args:
-            sender: the publisher.
             message: the message; it may have been published before.
         """
         for subscription in listeners:
@@ -119,8 +112,6 @@ class Delivery:
         """End the owner of a failed subscription; return the failure to raise, if any. Further failures are logged.
 
         Args:
-            owner: the subscriber.
-            error: its failure.
             before: failure of another subscriber that cannot be ended alone.
         """
         try:

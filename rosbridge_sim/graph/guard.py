@@ -47,9 +47,6 @@ class Guard:
     def blame(self, concerned: object, error: Exception) -> None:
         """End the owner whose work has failed.
 
-        Args:
-            concerned: an owner of the bus.
-
         Raises:
             Exception: `error` itself, if this owner cannot be ended alone. The caller must log and count it.
         """
@@ -67,9 +64,6 @@ class Guard:
         """End the owner whose work has failed; log and count the failure if that is not possible.
 
         For work on behalf of another owner, which must not see this failure.
-
-        Args:
-            concerned: an owner of the bus.
         """
         if isinstance(concerned, Guarded):
             self.blame(concerned, error)
@@ -81,9 +75,6 @@ class Guard:
 
         Args:
             what: name of the work, for the log.
-            act: the function.
-            *args: its positional arguments.
-            **kwargs: its keyword arguments.
         """
         try:
             act(*args, **kwargs)

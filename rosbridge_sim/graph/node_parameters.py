@@ -71,7 +71,6 @@ def provide_node_parameters(bus: Bus, policy: Policy, *, is_simulated: bool) -> 
 
     Args:
         policy: the rights of clients; it learns the other names of these services.
-        is_simulated: stamps are simulated time.
     """
     if bus.store.ros == 1:
         return

@@ -122,7 +122,6 @@ class Parameters:
         Args:
             name: absolute name.
             value: JSON text.
-            owner: the client that sets it.
 
         Raises:
             orjson.JSONDecodeError: the value is not JSON text.
@@ -231,7 +230,6 @@ class Parameters:
         """Return True if an allowed name begins with a prefix.
 
         Args:
-            prefix: ends with a slash.
             admits: returns True for an allowed name.
         """
         start, end = self._range(prefix)
@@ -352,9 +350,6 @@ def merge(values: dict[str, Any]) -> dict[str, Any]:
     """Return values by path from values by relative name: `b/c` = 1 is {"b": {"c": 1}}.
 
     The values are not changed.
-
-    Args:
-        values: values by relative name.
     """
     root: dict[str, Any] = {}
     own = {id(root)}  # only objects made here may be changed; all others are values of parameters

@@ -100,7 +100,6 @@ class Explaining(Protocol):
 
         Args:
             level: `warning` or `error`.
-            reason: kind of mistake.
         """
 
 
@@ -141,7 +140,6 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
 
     Args:
         level: `warning` or `error`.
-        reason: kind of mistake.
     """
     if isinstance(owner, Explaining):
         owner.explain(level, text, reason)
@@ -194,7 +192,6 @@ def gives_way(old: Participant, new: Participant) -> bool:
 
     Args:
         old: the present owner of the name.
-        new: the owner that wants it.
     """
     return is_guest(old) and not is_guest(new)
 
@@ -203,9 +200,7 @@ def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) ->
     """Tell an owner that another one takes its offer; called before the offer is removed from the bus.
 
     Args:
-        old: the present owner.
         name: absolute name.
-        new: the next owner.
     """
     why = f"{kind.capitalize()} {name} is provided by {new.name} from now on: this client's offer has ended"
     if is_guest(old):
@@ -255,12 +250,7 @@ def resolve(name: str) -> str:
 
 
 def size_of_body(value: object, body: object) -> int:
-    """Return the estimated memory of a decoded body [bytes].
-
-    Args:
-        value: the decoded body.
-        body: the body as it came.
-    """
+    """Return the estimated memory of a decoded body [bytes]."""
     if isinstance(body, (bytes, msgspec.Raw)):
         length = len(body)
         if length < _SHORT:

@@ -33,8 +33,6 @@ def refusal_of(client: str, reason: Reason, text: object, op: ops.Op | None) -> 
     """Return the record of a mistake.
 
     Args:
-        client: network address of the client.
-        reason: kind of mistake.
         text: text that the client was sent.
         op: the wrong op; None if it is not known.
     """

@@ -77,7 +77,6 @@ class Rosapi:
         """Offer all services, and set the parameters that a roscore sets.
 
         Args:
-            bus: the bus to list.
             policy: the rights of clients; only what it allows is listed.
             run_id: value of the parameter `/run_id`, another one in each run; empty to set no parameters.
         """

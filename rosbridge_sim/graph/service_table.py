@@ -39,7 +39,6 @@ class ServiceTable:
 
         Args:
             state: shared with the other parts of the bus.
-            types: finds the types of services.
             timeout: default time-out of a call [s]; None waits for ever.
             max_calls: calls that one caller may have in flight.
         """
@@ -65,9 +64,7 @@ class ServiceTable:
         """Offer a service. The last owner to offer a name gets it; callers of the previous one are told at once.
 
         Args:
-            owner: the provider.
             name: name of the service; may be relative.
-            type_name: its type, in any accepted spelling.
             handle: gets each call; a PeerError that it raises refuses the call.
             is_exclusive: no client may take the name, neither now nor later.
             limits: of a request; None for the usual ones if it is exclusive, otherwise for none.
@@ -98,7 +95,6 @@ class ServiceTable:
         """Stop offering a service.
 
         Args:
-            owner: its provider.
             name: name of the service; may be relative.
             answers_calls: the owner will still answer the calls in flight; otherwise they are refused now.
 
@@ -219,11 +215,7 @@ class ServiceTable:
             self._state.guard.attempt("the end of a call", call.abandon)
 
     def leave(self, owner: Participant) -> None:
-        """End the services of an owner, and refuse the calls that wait for them.
-
-        Args:
-            owner: the provider that leaves.
-        """
+        """End the services of an owner, and refuse the calls that wait for them."""
         for service in list(self._state.holdings(owner).services):
             why = f"Service {service.name} was unadvertised: its provider disconnected"
             self._state.guard.attempt("the end of a service", self._drop_service, service, why)

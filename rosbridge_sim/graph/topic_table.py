@@ -43,7 +43,6 @@ class TopicTable:
 
         Args:
             state: shared with the other parts of the bus.
-            types: finds the types of messages.
             by_name: takes the topics; empty.
         """
         self.by_name = by_name
@@ -67,9 +66,7 @@ class TopicTable:
         """Make `owner` a publisher of a topic.
 
         Args:
-            owner: the publisher.
             name: name of the topic; may be relative.
-            type_name: its type, in any accepted spelling.
             depth: number of latched messages of each publisher; the largest number of all its publishers counts.
             key: distinguishes several advertisements of one owner; the same key again replaces the old one.
             is_exclusive: no other owner may publish here; clients that do lose their advertisements.
@@ -101,7 +98,6 @@ class TopicTable:
         """Remove an advertisement of `owner`; having none is not an error.
 
         Args:
-            owner: the publisher.
             name: name of the topic; may be relative.
             key: key of the advertisement; None removes all of the owner there.
         """
@@ -131,7 +127,6 @@ class TopicTable:
         publisher with another type; it gets nothing while the topic has that other type.
 
         Args:
-            owner: the subscriber.
             name: name of the topic; may be relative.
             deliver: gets each message.
             type_name: type, in any accepted spelling; None means the topic's type.
@@ -238,7 +233,6 @@ class TopicTable:
 
         Args:
             name: name of the topic; may be relative.
-            type_name: the type, in any accepted spelling.
             owner: the owner that needs it; None means a client.
 
         Raises:
@@ -260,11 +254,7 @@ class TopicTable:
         return self.by_name.get(resolve(name))
 
     def forget_latched(self, owner: Participant) -> None:
-        """Drop the latched messages of an owner.
-
-        Args:
-            owner: the publisher.
-        """
+        """Drop the latched messages of an owner."""
         for topic in list(self.by_name.values()):
             topic.forget_messages_of(owner)
 

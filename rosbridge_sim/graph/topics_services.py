@@ -201,8 +201,6 @@ class Topic:
         """Add an advertisement.
 
         Args:
-            owner: the publisher.
-            key: key of the advertisement.
             depth: number of messages to latch.
         """
         keys = self.publishers.setdefault(owner, {})
@@ -216,7 +214,6 @@ class Topic:
         """Remove an advertisement.
 
         Args:
-            owner: the publisher.
             key: key of the advertisement; None removes all of the owner.
         """
         keys = self.publishers.get(owner, {})
@@ -230,8 +227,6 @@ class Topic:
         """Latch a message.
 
         Args:
-            sender: its publisher.
-            message: the newest message.
             account: pays for it; None if the sender is a part of this process, which has no limit.
 
         Returns:
@@ -247,11 +242,7 @@ class Topic:
         return bool(held.entries)
 
     def forget_messages_of(self, owner: Participant) -> None:
-        """Drop the latched messages of one publisher.
-
-        Args:
-            owner: the publisher.
-        """
+        """Drop the latched messages of one publisher."""
         held = self.kept.pop(owner, None)
         if held is not None:
             held.shorten(0)

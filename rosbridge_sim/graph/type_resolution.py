@@ -26,7 +26,6 @@ class TypeResolver:
         """Create a resolver.
 
         Args:
-            store: the known types.
             types_in_use: returns the types of all topics; unknown types among them stay remembered.
             is_strict: refuse types of unknown packages; otherwise their messages are relayed unchecked.
         """

@@ -113,7 +113,6 @@ class Ways:
 
         Args:
             way: a way with an absolute name.
-            type_name: type of a topic, in any spelling.
         """
         of_action = tuple(_look_up_topic(way, type_name))
         key = (way, of_action)  # not the type's name, which may be as long as a frame

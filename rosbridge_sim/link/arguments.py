@@ -18,11 +18,7 @@ PREFIX = "ROSBRIDGE_SIM_"
 
 
 def layout(prog: str) -> argparse.HelpFormatter:
-    """Return the formatter of all help texts.
-
-    Args:
-        prog: name of the program.
-    """
+    """Return the formatter of all help texts."""
     return argparse.HelpFormatter(prog, max_help_position=28, width=min(shutil.get_terminal_size().columns, 110))
 
 

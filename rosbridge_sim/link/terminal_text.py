@@ -4,11 +4,7 @@ from __future__ import annotations
 
 
 def safe(text: str) -> str:
-    """Return a text on one line, without characters that a terminal could take as a command.
-
-    Args:
-        text: any text.
-    """
+    """Return a text on one line, without characters that a terminal could take as a command."""
     return "".join(c if c.isprintable() else _escape(c) for c in text)
 
 

@@ -131,11 +131,7 @@ class MessageConnection(Connection):
         return self.core.close_exc
 
     def extension(self, kind: type[E]) -> E:
-        """Return the negotiated extension of a class.
-
-        Args:
-            kind: the class.
-        """
+        """Return the negotiated extension of a class."""
         return next(one for one in self.core.extensions if isinstance(one, kind))
 
     def limit_message_size(self, num_bytes: int) -> None:

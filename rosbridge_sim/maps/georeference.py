@@ -35,7 +35,6 @@ class Georeference:
         """Return the latitude and longitude of a place.
 
         Args:
-            road_map: the map of the coordinates.
             x: east of the map's origin [m].
             y: north of the map's origin [m].
 

@@ -97,7 +97,6 @@ def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:
 
     Args:
         files: contents of those of `MAP_FILES` that exist.
-        names: all files of the folder.
 
     Returns:
         For each file its name, whether it exists, is read and is known, and the kind of its entries.

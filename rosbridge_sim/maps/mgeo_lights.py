@@ -165,9 +165,6 @@ def colour_of(name: str) -> int | None:
 def light_type(light: Light) -> int:
     """Return the `trafficLightType` on the wire.
 
-    Args:
-        light: of the map.
-
     Returns:
         0 red, yellow, green; 1 a left arrow instead of green; 2 both; 100 only yellow.
     """
@@ -210,7 +207,6 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
 
     Args:
         files: content and name for errors, by file name; those of `LIGHT_FILES` that exist.
-        lanes: of the map.
         notes: gets a line for each ignored entry.
 
     Raises:
@@ -441,7 +437,6 @@ def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) ->
 
     Args:
         files: content and name for errors, by file name; both of `CROSSWALK_FILES` are optional.
-        plan: of the map's lights.
 
     Returns:
         The crosswalks, in the order of the file.

@@ -163,9 +163,6 @@ class Defragmenter:
     def add(self, op: Fragment, now: float) -> bytes | None:
         """Add a fragment.
 
-        Args:
-            op: the fragment.
-
         Returns:
             The whole frame if no fragment is missing now; else None.
 

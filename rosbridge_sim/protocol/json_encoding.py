@@ -45,12 +45,7 @@ class Encoded(Protocol):
         """
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """Return the result of `make`, which is called only once for each key.
-
-        Args:
-            key: names the result.
-            make: creates the result.
-        """
+        """Return the result of `make`, which is called only once for each key."""
 
 
 def publish_head(topic: str) -> bytes:
@@ -107,7 +102,6 @@ def status_frame(level: str, text: str, op_id: object) -> bytes:
 
     Args:
         level: `info`, `warning` or `error`.
-        op_id: id of the op that the message is about.
     """
     return op_frame("status", {}, level=level, msg=printable(text), id=op_id)
 

@@ -50,7 +50,6 @@ def has_more_values(text: bytes, most: int) -> Generator[None, None, bool]:
 
     Args:
         text: JSON text in UTF-8.
-        most: the limit.
     """
     for weight in weigh_exactly(text):
         if weight.commas > most:

@@ -262,11 +262,7 @@ _NULL = b"null"
 
 
 def is_absent(body: OpBody) -> bool:
-    """Return True if a body was left out or is null, which means the same.
-
-    Args:
-        body: body of an op.
-    """
+    """Return True if a body was left out or is null, which means the same."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return body is ABSENT or (len(body) <= len(_NULL) and bytes(body) in {b"", _NULL})  # a long one is not copied
     return body is None

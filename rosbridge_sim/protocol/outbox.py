@@ -144,11 +144,7 @@ class Outbox:
             self._relieve()
 
     def offer(self, topic: str, frame: bytes | LateFrames) -> None:
-        """Add a message of a topic. It may be dropped as a whole if the peer does not read.
-
-        Args:
-            frame: the message.
-        """
+        """Add a message of a topic. It may be dropped as a whole if the peer does not read."""
         waiting = self._frames
         if not waiting:
             self._schedule_flush()

@@ -30,6 +30,5 @@ def roslibpy_status_frame(level: str, text: str, op_id: object) -> bytes:
 
     Args:
         level: `info`, `warning` or `error`.
-        op_id: id of the op that the message is about.
     """
     return op_frame(f"status {level}: {printable(text)}", {}, level=level, id=op_id)

@@ -255,7 +255,6 @@ class Session:
 
         Args:
             level: one of LEVELS.
-            op_id: id of the op that the message is about.
         """
         if self._is_talkative and LEVELS[level] <= self.level:
             if not self.is_roslibpy:

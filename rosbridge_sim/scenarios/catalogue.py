@@ -248,9 +248,6 @@ _YEAR = re.compile(r"(19|20)\d\d(?=[a-z])")
 def key_of_name(name: str) -> str:
     """Return the significant part of a name: without case, blanks, `_`, `-` and brackets.
 
-    Args:
-        name: of a model.
-
     Returns:
         The key; names with one key mean one model.
     """
@@ -331,7 +328,6 @@ class Catalogue:
         """Return the nearest model names and how to list all, for the end of an error text.
 
         Args:
-            name: the unknown name.
             kind: of the wanted model; None for any.
 
         Returns:
@@ -370,9 +366,6 @@ find_model: Final = BUILT_IN.find
 def default_model(kind: Kind) -> Model:
     """Return the model that replaces an unknown one.
 
-    Args:
-        kind: of the unknown model.
-
     Returns:
         A model of this kind; a vehicle for an ego.
     """
@@ -390,10 +383,6 @@ def class_of_data_id(data_id: int) -> Kind | None:
 
 
 def model_by_class(data_id: int, kind: Kind) -> Model:
-    """Return a model for a number that is in no catalogue: the ordinary size of its kind, and a name with the number.
-
-    Args:
-        kind: of the item in the file.
-    """
+    """Return a model for a number in no catalogue: the ordinary size of its kind, and a name with the number."""
     like = default_model(kind)
     return Model(f"{like.kind.name.capitalize()}_{data_id}", like.kind, like.body, (data_id,))

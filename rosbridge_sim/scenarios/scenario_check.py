@@ -78,7 +78,6 @@ def read_draft(text: bytes, source: str, catalogue: Catalogue = BUILT_IN) -> Dra
     Args:
         text: the file's bytes.
         source: its name, for the lines about mistakes.
-        catalogue: the models.
     """
     found = find_scenario_mistakes(text, source)
     lines = [mistake.text for mistake in found]
@@ -111,11 +110,7 @@ def find_misspelt_key(path: str) -> str:
 
 
 def find_misspelt_keys(keys: SortedKeys) -> list[str]:
-    """Find ignored keys that are surely misspelt.
-
-    Args:
-        keys: of a document.
-    """
+    """Find ignored keys that are surely misspelt."""
     lines = []
     for path, num in islice(keys.passed_over.items(), MAX_UNKNOWN):
         meant = find_misspelt_key(path)
@@ -161,9 +156,6 @@ def _leave_out(scenario: Scenario, gone: set[str]) -> Scenario:
 
 def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[str]]:
     """Place a scenario on a map.
-
-    Args:
-        scenario: as it was read.
 
     Returns:
         The scenario with notes about oddities on this map; and the mistakes that only the map shows.

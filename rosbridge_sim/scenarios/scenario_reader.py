@@ -101,7 +101,6 @@ def read_scenario(text: bytes, source: str, notify: OnMistake = _refuse, catalog
         text: the file's bytes.
         source: its name, for errors and for the scenario's own name.
         notify: takes a mistake in a single item; by default the mistake is raised.
-        catalogue: the models.
 
     Raises:
         DocumentError: one line: place, expected value, actual value.
@@ -120,8 +119,6 @@ def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse
     A link that the map lacks is ignored if the document also gives a position (MORAI writes both).
 
     Args:
-        scenario: as it was read.
-        roads: of its map.
         notify: as for `read_scenario`.
 
     Returns:

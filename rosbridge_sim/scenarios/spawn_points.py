@@ -83,8 +83,6 @@ def read_spawn_point(where: str, item: SpawnPointItem, models: tuple[Model, ...]
     """Return the spawn point of an item of a document.
 
     Args:
-        where: its place in the document.
-        item: as it was read.
         models: those that it may choose from.
     """
     low, high = _range(item.minSpawnPeriod, item.maxSpawnPeriod, USUAL_PERIOD)
@@ -132,7 +130,6 @@ def find_places(points: Sequence[SpawnPoint], roads: Roads, note: Callable[[str]
 
     Args:
         points: as they were read.
-        roads: of the map.
         note: takes a remark about a point without a lane, or without its goal.
     """
     placed = []

@@ -303,11 +303,7 @@ _EDGES: Final = np.array([(a, b) for a in range(8) for b in range(a + 1, 8) if (
 
 
 def box_corners(frame: SceneFrame) -> FloatArray:
-    """Return the corners of the boxes of all entities in the map frame, (n, 8, 3) [m].
-
-    Args:
-        frame: the entities.
-    """
+    """Return the corners of the boxes of all entities in the map frame, (n, 8, 3) [m]."""
     local = _CORNERS[None] * frame.sizes[:, None, :]
     local[:, :, 0] += frame.centres[:, None]
     turn = rotation(*frame.poses[:, 3:].T)
@@ -320,9 +316,7 @@ def boxes_in_view(
     """Return the boxes of all entities that reach into a picture; what stands before them does not count.
 
     Args:
-        frame: the entities.
         camera: its intrinsics. The bounds are those of the box's corners, moved by the lens.
-        pose: of the camera.
         without: id of the entity that is left out.
         max_range: what is farther is left out [m].
     """

@@ -134,11 +134,7 @@ class Mesh:
         Args:
             vertices: (n, 3) from the origin [m].
             triangles: (m, 3) rows of them.
-            colour: of all.
-            label: of all.
             origin: (3,) in the map frame [m]; None for (0, 0, 0).
-            instance: of all.
-            lit: of all.
         """
         num = len(triangles)
         return cls(

@@ -39,8 +39,6 @@ class MeshBuilder:
             vertices: (n, 3) map frame [m].
             triangles: (m, 3) rows of them.
             colour: of all, or (m, 3) uint8.
-            label: of all.
-            lit: of all.
         """
         if not len(triangles):
             return
@@ -57,7 +55,6 @@ class MeshBuilder:
         Args:
             corners: (q, 4, 3) counter-clockwise as seen from their upper side, map frame [m].
             colour: of all, or (2 q, 3) uint8.
-            label: of all.
         """
         first = 4 * np.arange(len(corners), dtype=np.int32)[:, None, None]
         halves = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
@@ -79,9 +76,6 @@ class MeshBuilder:
             vertices: (n, 3) of the shape, or (c, n, 3) of each copy [m].
             triangles: (m, 3) rows of them.
             places: (c, 3) where its origin comes to lie, map frame [m].
-            colour: of all.
-            label: of all.
-            lit: of all.
         """
         moved = vertices + places[:, None]
         first = moved.shape[1] * np.arange(len(places), dtype=np.int32)[:, None, None]

@@ -105,10 +105,8 @@ class PictureMaker(Protocol):
             static: what does not move. It is prepared once and kept while the same object is given.
             camera: size, field of view and distortion.
             pose: of the camera in the map frame.
-            weather: light and air.
             without: id of the entity that is left out, the one that carries the camera; `NOBODY` for none.
             channels: the parts of the picture that are wanted.
-            is_smooth: the colours are antialiased.
         """
         ...
 

@@ -183,13 +183,7 @@ VAN_HEIGHT: Final = 1.75
 
 
 def shape_of(kind: Kind, name: str, body: Body) -> Shape:
-    """Return the shape of an entity: by its model's name, else by its size.
-
-    Args:
-        kind: of the entity.
-        name: of its model.
-        body: its size.
-    """
+    """Return the shape of an entity: by its model's name, else by its size."""
     if kind == Kind.PEDESTRIAN:
         return Shape.PERSON
     is_obstacle = kind == Kind.OBSTACLE

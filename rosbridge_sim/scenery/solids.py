@@ -46,7 +46,6 @@ def column(radius: float, low: float, high: float, sides: int = 6, top: float | 
         radius: at the floor [m].
         low: height of the floor [m].
         high: height of the top [m].
-        sides: how many.
         top: radius at the top [m]; None for that of the floor.
     """
     angle = 2.0 * math.pi * np.arange(sides) / sides
@@ -59,7 +58,6 @@ def disc(radius: float, sides: int = 8) -> Solid:
 
     Args:
         radius: [m].
-        sides: how many.
     """
     angle = 2.0 * math.pi * np.arange(sides) / sides
     rim = np.column_stack([np.zeros(sides), radius * np.cos(angle), radius * np.sin(angle)])

@@ -93,7 +93,6 @@ class CborWriters:
         """Return the CBOR map of a value.
 
         Args:
-            spec: its type.
             value: a checked struct of the type.
 
         Raises:

@@ -99,12 +99,7 @@ class Source:
             self._pieces = []
 
     def build(self, arguments: str, label: str) -> Callable[..., Any]:
-        """Return the generated function.
-
-        Args:
-            arguments: its parameters.
-            label: its name in tracebacks.
-        """
+        """Return the generated function."""
         self.flush()
         source = f"def write({arguments}):\n" + "".join(f"    {line}\n" for line in self._lines or ["pass"])
         exec(compile(source, f"<{label}>", "exec"), self.names)  # noqa: S102 - see the head of this file

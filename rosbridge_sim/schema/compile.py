@@ -41,7 +41,6 @@ def compile_message(
     """Return the fields of a definition as tables, with the struct class of its values.
 
     Args:
-        definition: the parsed definition.
         nested: returns those of a field's nested message; raises DefinitionError when there is none.
         dialect: of the ROS generation.
         leniency: other names and forms to accept.

@@ -45,7 +45,6 @@ def check(spec: MessageSpec, value: object, stamp_ns: int, root: str | None = No
     """Return the struct for a body given as Python objects.
 
     Args:
-        spec: the message type.
         value: the body: dicts, lists, numbers, text, and bytes from a binary encoding. A long array that owns its
             memory is used up: the struct may have the same memory.
         stamp_ns: the present time, for headers without a stamp and for the text `now` [ns].
@@ -93,7 +92,6 @@ def _unknown(name: str, spec: MessageSpec, given: Mapping[object, object]) -> _M
     """Return the error for an unknown field, with a suggestion.
 
     Args:
-        name: the unknown field.
         spec: the message type that lacks it.
         given: all that was given for that message.
     """
@@ -111,7 +109,6 @@ def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner:
     """Return advice: the release with the field, or the nearest field, and a list; or to wrap the message.
 
     Args:
-        name: the unknown field.
         spec: the message type that lacks it.
         given: all that was given for that message.
         owner: name of the message type in the sentence.

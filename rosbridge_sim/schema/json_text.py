@@ -30,7 +30,6 @@ def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obje
 
     Args:
         name: name of the type, for error texts.
-        body: the text.
         refusal: the error of the fast decoder, for the error text of a heavy body, which is not read again.
 
     Raises:
@@ -70,7 +69,6 @@ def parse_by_position(name: str, body: bytes | msgspec.Raw) -> list[object]:
 
     Args:
         name: name of the type, for error texts.
-        body: the text.
 
     Raises:
         FieldError: it is no JSON, or heavy.

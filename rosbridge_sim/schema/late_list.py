@@ -15,7 +15,6 @@ class LateList:
     list. `make` must hold copies of its figures: the world moves on before it is called.
 
     Args:
-        length: number of structs.
         make: returns them; called at most once.
     """
 

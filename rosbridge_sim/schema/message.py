@@ -148,7 +148,6 @@ class Message(msgspec.Struct, eq=False):
         """Return `make()`, made once for each key: a form of the message that several listeners want.
 
         Args:
-            key: names the form.
             make: makes it at the first call.
 
         Raises:

@@ -82,7 +82,6 @@ class MessageType:
         spec: the fields as tables, for `complete_check.check`.
 
     Args:
-        spec: the fields as tables.
         encoders: shared by the types of one store.
     """
 

@@ -20,12 +20,7 @@ _NAN, _INFINITY, _MINUS_INFINITY = b"NaN", b"Infinity", b"-Infinity"
 
 
 def with_words(spec: MessageSpec, value: Struct) -> Struct:
-    """Return a value that the JSON encoder writes with words; the value itself if all its numbers are finite.
-
-    Args:
-        spec: its type.
-        value: it stays as it is.
-    """
+    """Return a value that the JSON encoder writes with words; the value itself if all its numbers are finite."""
     changes: dict[str, Any] = {}
     for each in spec.fields.values():
         if each.has_floats:

@@ -44,7 +44,6 @@ class RosWriters:
         """Return the bytes of a value; CDR begins with its four bytes of encapsulation.
 
         Args:
-            spec: its type.
             value: a checked struct of the type.
 
         Raises:

@@ -105,11 +105,7 @@ class Skeleton:
     __slots__ = ("_counts",)
 
     def __init__(self, spec: MessageSpec) -> None:
-        """Prepare the counting.
-
-        Args:
-            spec: the message type.
-        """
+        """Prepare the counting."""
         plan = _Plan(spec)
         # The elements alone come first: 150,000 `{}` are too many, and looking into each takes 0.1 s and 25 MB.
         plans = [_Plan(spec, is_flat=True), plan] if plan.is_nested else [plan] if plan.has_lists else []

@@ -241,9 +241,6 @@ class Store:
     def definitions(self, package: str) -> list[Definition]:
         """Return the parsed definitions of a package: its messages, and the parts of its services and actions.
 
-        Args:
-            package: its name.
-
         Raises:
             DefinitionError: a text cannot be read.
         """
@@ -348,7 +345,6 @@ class Store:
 
         Args:
             kind: where the definition stands.
-            name: of the message itself.
             find: returns the definition.
         """
         if self._is_checked:

@@ -126,7 +126,6 @@ def make_simulator_node(
         quota: limits the files that are written for clients; None for no limit.
         worker: draws what cameras and lidars see; None where nothing can.
         library: scenarios and maps; None for that of the settings.
-        make_world: class of its world.
 
     Raises:
         DocumentError: a file, a map or a setting cannot be used.

@@ -133,11 +133,7 @@ class Attachment:
             carrier.cut()
 
     def contain(self, act: Callable[[], None]) -> None:
-        """Call a function that concerns only this bridge. If it fails, the connections are opened again.
-
-        Args:
-            act: the function.
-        """
+        """Call a function that concerns only this bridge. If it fails, the connections are opened again."""
         try:
             act()
         except Exception as error:  # noqa: BLE001 - an internal error
@@ -391,8 +387,6 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
 
     Args:
         url: URL to dial.
-        port: port of this server.
-        addresses: addresses that this server listens on.
     """
     if port_of(url) != port:
         return False

@@ -31,7 +31,6 @@ class DiskShelf:
         """Read nothing yet.
 
         Args:
-            library: has the scenarios and the maps.
             data_dir: folder with recordings; it need not exist.
         """
         self._library = library

@@ -97,7 +97,6 @@ def make_node(
         bus: gets its topics and services.
         world: empty.
         library: source of scenarios and maps.
-        scenario: the opening scene.
         settings: None for the defaults.
         archive: saves sensor data; None if there is no folder for it.
         recordings: source of recordings for replays; None for no recordings.

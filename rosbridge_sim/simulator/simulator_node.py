@@ -117,7 +117,6 @@ class SimulatorNode:
         """Put all topics and services on the bus, and announce the opening scene.
 
         Args:
-            context: with the opening scene.
             components: made from this context; their topics are published in this order.
 
         Raises:
@@ -179,9 +178,6 @@ class SimulatorNode:
 
     def why_gone(self, service: str) -> str:
         """Return the reason why a service of a removed ego is missing; see `EgoInterfaces.why_gone`.
-
-        Args:
-            service: its name on the bus.
 
         Returns:
             A text for the client; empty for any other name.

@@ -67,7 +67,6 @@ class StandardTopics(Component):
         """Make the makers of messages.
 
         Args:
-            commands: applies commands.
             noise: errors of the GPS, the same as on `/gps`; None for exact readings.
             frames: as on `/tf`; `/odom` has the pose in the frame above `base_link`.
             cmd_vel: type of `/cmd_vel`.

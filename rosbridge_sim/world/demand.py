@@ -109,7 +109,6 @@ def keep_clear(world: World, slots: LaneSlots, radius: float) -> BoolArray:
 
     Args:
         world: read only.
-        slots: of its roads.
         radius: distance from the slot to the nearest part of an entity, at least; more for one that moves [m].
     """
     is_clear = np.ones(len(slots.lane), dtype=bool)
@@ -135,7 +134,6 @@ def has_room(world: World, lane: int, s: float, body: Body, speed: float, *, gap
         world: read only.
         lane: row of the lane.
         s: arc length of the reference point [m].
-        body: of the vehicle.
         speed: of the vehicle [m/s].
         gap: room before and behind it, at least [m].
         time: least time to a collision, at the present speeds [s].

@@ -52,9 +52,6 @@ class DrivableWorlds:
     Attributes:
         num_worlds: number of worlds.
         dt: length of a frame [s]: 0.02.
-
-    Args:
-        worlds: the worlds.
     """
 
     def __init__(self, worlds: Sequence[OneOfMany]) -> None:

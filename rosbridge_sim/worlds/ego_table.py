@@ -43,9 +43,6 @@ class EgoTable:
     Attributes:
         is_there: (num_worlds, num_egos) bool, the world has so many egos.
         parts: where their columns are.
-
-    Args:
-        worlds: the worlds, in their batches.
     """
 
     def __init__(self, worlds: Sequence[OneOfMany]) -> None:

@@ -15,7 +15,6 @@ def find_lanes_behind(world: World, start: int, wanted: IntArray) -> BoolArray:
     The lane itself and those beside it are left behind only at their ends: a change of lanes leads to none.
 
     Args:
-        world: on the roads.
         start: row of the lane; -1 for none, which leads nowhere.
         wanted: (k,) rows of lanes.
     """

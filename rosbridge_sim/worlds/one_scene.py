@@ -52,7 +52,6 @@ class OneScene:
 
     Args:
         world: empty.
-        scenario: the opening scene.
         traffic: vehicles besides those of the scenario, at most.
         model: of the egos; None for that of the scenario.
         num_egos: number of egos. Further ones begin where the first one does.

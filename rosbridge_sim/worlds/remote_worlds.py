@@ -42,7 +42,6 @@ class RemoteWorlds(SteppedWorlds):
     """The world of a server that this program alone moves, as its master of synchronous mode.
 
     Args:
-        url: of the server.
         token: of the server; None for none.
         library: has the maps; None for the built-in ones.
 

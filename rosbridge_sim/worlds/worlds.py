@@ -59,7 +59,6 @@ class Worlds(SteppedWorlds):
         vehicle: model of the first ego, a name of the catalogue; None for that of the scenario.
         dynamics: model that moves the egos; see `--dynamics`.
         impacts: collisions change motion; see `--impacts`.
-        scores: keep the scores of all egos.
         library: has scenarios, maps and models; one that is kept saves reading them again for the next worlds. None for
             a new one.
 
@@ -262,8 +261,6 @@ class Worlds(SteppedWorlds):
         """Add an object to one world, and return its id.
 
         Args:
-            world: number of the world.
-            model: a name of the catalogue.
             x: east [m].
             y: north [m].
             z: up; on a map with hills it chooses between a bridge and the road below it [m].
@@ -306,13 +303,11 @@ class Worlds(SteppedWorlds):
         """Place an ego of one world somewhere else.
 
         Args:
-            world: number of the world.
             x: reference point, the middle of the rear axle, east [m].
             y: north [m].
             z: up [m].
             yaw: heading [rad].
             speed: along it [m/s].
-            ego: which ego.
 
         Raises:
             ValueError: there is no such world or ego, or a number is out of range. Nothing has moved.
@@ -344,9 +339,6 @@ class _ManyTraffics:
     """The traffic of many worlds: which of them must be asked whether vehicles come and go.
 
     It lives until a world is reset or loaded, or loses an object.
-
-    Args:
-        scenes: of all worlds.
     """
 
     def __init__(self, scenes: Sequence[OneScene]) -> None:

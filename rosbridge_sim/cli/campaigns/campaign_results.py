@@ -18,7 +18,6 @@ def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> None:
     """List the runs of a folder of results.
 
     Args:
-        folder: of results.
         verdict: only the runs with this one; None for all.
         is_json: a JSON value on each line.
 
@@ -36,10 +35,6 @@ def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> None:
 
 def show(folder: str, number: int, *, is_json: bool) -> None:
     """Explain one run.
-
-    Args:
-        folder: of results.
-        number: of the run.
 
     Raises:
         DocumentError: there is no such run.
@@ -74,9 +69,6 @@ def show(folder: str, number: int, *, is_json: bool) -> None:
 def report(folder: str) -> None:
     """Write tables and report anew.
 
-    Args:
-        folder: of results.
-
     Raises:
         DocumentError: it is no such folder, or cannot be written.
     """
@@ -93,8 +85,6 @@ def compare(before: str, after: str, *, may_lack: bool, is_json: bool) -> int:
     """List what changed between two folders.
 
     Args:
-        before: folder of results.
-        after: another one.
         may_lack: runs that are missing in `after` are no failure.
 
     Returns:

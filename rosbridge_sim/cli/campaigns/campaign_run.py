@@ -50,12 +50,9 @@ def run(
     """Drive all runs of a campaign.
 
     Args:
-        file: of the campaign.
         output: folder of the results, or an address; None for one named after the file, here.
-        num_jobs: processes.
         num_retries: so often a run is driven again whose worker was killed.
         shard: number from 1 on, and their number, if only that part of the runs is driven here.
-        is_resumed: go on with what is there.
         is_dry: list the runs alone.
         ray: address of a Ray cluster, or `local`; None for processes.
         is_json: print the counts as JSON.
@@ -107,7 +104,6 @@ def merge(folders: Sequence[str], output: str, *, is_json: bool) -> int:
 
     Args:
         folders: such as those of its shards.
-        output: the new folder.
 
     Returns:
         0 if all runs of the campaign are there, and pass or are skipped; else 1.
@@ -261,9 +257,6 @@ def _put_plan(campaign: Campaign, runs: Sequence[Run], *, is_json: bool) -> None
 def check(file: str, *, is_json: bool) -> None:
     """Explain a campaign's file, and read its scenarios.
 
-    Args:
-        file: of the campaign.
-
     Raises:
         DocumentError: it has a mistake, or a scenario cannot be read.
     """
@@ -290,10 +283,6 @@ def check(file: str, *, is_json: bool) -> None:
 
 def repeat(folder: str, number: int, *, is_json: bool) -> int:
     """Drive one run again.
-
-    Args:
-        folder: of results.
-        number: of the run.
 
     Returns:
         0 if it ends with the same verdict and state, else 1.

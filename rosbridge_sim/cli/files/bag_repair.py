@@ -13,7 +13,6 @@ def repair_bag(file: str, output: str | None, *, is_json: bool) -> None:
     """Write the complete parts of a bag into a new one, and print what was found.
 
     Args:
-        file: the broken bag.
         output: the new bag; None uses the default name.
 
     Raises:

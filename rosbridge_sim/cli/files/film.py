@@ -70,9 +70,6 @@ class FilmChoice:
 def read_world(words: Sequence[str]) -> Settings:
     """Return the settings of a world from flags, and from the environment as far as it is about scenarios and maps.
 
-    Args:
-        words: flags of a server.
-
     Raises:
         SettingError: a value cannot be used.
     """

@@ -83,7 +83,6 @@ def check_scenarios(
         names: files, folders of them, or names of scenarios as for clients and `serve --scenario`.
         picture: file for a picture; allowed for a single scenario.
         map: name or folder of a map that replaces those of the scenarios; None uses the environment.
-        scenario_path: folders of scenarios.
         catalogue: file of the user's models.
         is_strict: remarks count like mistakes in the exit code.
 
@@ -322,7 +321,6 @@ def show_keys(title: str, keys: Mapping[str, str]) -> None:
     """Print keys, grouped by the part of the document.
 
     Args:
-        title: title of the list.
         keys: path of each key -> text to print.
     """
     if not keys:

@@ -17,21 +17,12 @@ MAX_LISTED: Final = 5
 
 
 def exit_code(accounts: Iterable[CheckReport], *, is_strict: bool) -> int:
-    """Return 1 if a file has mistakes, or has remarks and they count; else 0.
-
-    Args:
-        accounts: report on each file.
-        is_strict: remarks count.
-    """
+    """Return 1 if a file has mistakes, or has remarks and they count; else 0."""
     return int(any(one["mistakes"] or (is_strict and one["remarks"]) for one in accounts))
 
 
 def put_verdict(account: CheckReport) -> None:
-    """Print the result for a file on one line.
-
-    Args:
-        account: report on the file.
-    """
+    """Print the result for a file on one line."""
     counts = [_plural(len(account[key]), key.removesuffix("s")) for key in ("mistakes", "remarks") if account[key]]
     put(f"{safe(account['file'])}: {', '.join(counts) or 'good'}")
 
@@ -44,7 +35,6 @@ class Verdicts:
 
         Args:
             command: command that shows everything about a single file.
-            num: number of files.
             is_json: print one JSON value per line for programs.
         """
         self._command = command
@@ -63,11 +53,7 @@ class Verdicts:
             sys.stderr.flush()
 
     def add(self, account: CheckReport) -> None:
-        """Print the result for the current file.
-
-        Args:
-            account: report on the file.
-        """
+        """Print the result for the current file."""
         verdict = "with mistakes" if account["mistakes"] else "with remarks" if account["remarks"] else "good"
         self._counts[verdict] += 1
         for is_strict in self._codes:

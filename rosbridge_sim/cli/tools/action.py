@@ -49,7 +49,6 @@ async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_js
     """Print all actions.
 
     Args:
-        has_types: with types.
         is_count: print only how many there are.
     """
     actions = await _actions(bridge)
@@ -96,7 +95,6 @@ async def send_goal(
 
     Args:
         type_name: type of the action; empty means the type that rosapi tells.
-        has_feedback: print the feedback, too.
         is_json: print one line of JSON for each feedback, and for the result.
 
     Raises:

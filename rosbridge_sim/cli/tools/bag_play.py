@@ -50,7 +50,6 @@ async def play(
     """Publish the messages of a bag.
 
     Args:
-        file: path of the bag.
         sources: definitions for a bag without its own.
         rate: factor of the speed.
         is_looping: begin again at the end.

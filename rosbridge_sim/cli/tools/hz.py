@@ -188,7 +188,6 @@ async def measure(
     Args:
         command: key of `METERS`.
         window: number of the last messages to measure over; None means all that fit.
-        name: name of the topic.
         type_name: its type; None means that of an existing topic.
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.

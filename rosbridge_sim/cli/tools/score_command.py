@@ -37,7 +37,6 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> None:
 
     Args:
         is_reset: begin all counts anew afterwards.
-        is_json: show the answer as it is.
 
     Raises:
         RefusedError: the simulator says no, or there is none.

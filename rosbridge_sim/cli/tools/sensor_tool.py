@@ -24,10 +24,6 @@ JPEG_SUFFIXES = (".jpg", ".jpeg")
 async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> None:
     """Show the sensors of an ego.
 
-    Args:
-        ego: number of the ego.
-        is_json: show the answer as it is.
-
     Raises:
         RefusedError: the simulator says no, or there is none.
         BridgeError: there is no answer.
@@ -60,7 +56,6 @@ async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> None:
     """Save the next picture of a camera.
 
     Args:
-        ego: number of the ego.
         camera: name of the camera, or its number among the cameras, from 0; empty for the first one.
         path: of the file; its suffix says the format.
 

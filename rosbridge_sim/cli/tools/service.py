@@ -19,8 +19,6 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, has_types: bool, is
     """Print all services, sorted by name.
 
     Args:
-        is_verbose: with type and provider.
-        has_types: with type.
         is_count: print only how many there are.
 
     Raises:

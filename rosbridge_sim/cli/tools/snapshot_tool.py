@@ -65,7 +65,6 @@ async def restore(bridge: Bridge, name: str, user_id: str, *, is_json: bool) -> 
     Args:
         name: of the snapshot, or the path of a file.
         user_id: of the master, in synchronous mode.
-        is_json: show the answer as it is.
 
     Raises:
         RefusedError: the simulator says no, or there is none.

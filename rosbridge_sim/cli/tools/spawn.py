@@ -17,7 +17,6 @@ async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool)
 
     Args:
         request: the fields of a `rosbridge_sim_msgs/SpawnObject`.
-        is_json: show the answer as it is.
 
     Raises:
         RefusedError: the simulator says no, or there is none.

@@ -199,9 +199,7 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
 
     Args:
         bridge: the rosbridge of the simulator.
-        user_id: user id of the master.
         step_ms: simulated time of a tick, if the mode is started here [ms].
-        is_starting: start the mode.
         is_json: print each answer as a line of JSON.
 
     Raises:
@@ -227,7 +225,6 @@ async def _leading(bridge: Bridge, user_id: str, step_ms: int | None) -> AsyncIt
     """Have the server tell why it refuses and, if that is wanted, be master of synchronous mode meanwhile.
 
     Args:
-        user_id: of the master.
         step_ms: start the mode with this time step [ms]; None for the mode as it is.
 
     Yields:
@@ -260,9 +257,7 @@ async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: 
     """Move the world by one call of `/sim/step`, and show frame, steps, ego and topics.
 
     Args:
-        request: of the service.
         step_ms: start synchronous mode with this time step [ms]; None for the mode as it is.
-        is_json: show the answer as it is.
 
     Raises:
         RefusedError: the simulator says no, there is none, or the call was interrupted.
@@ -318,8 +313,6 @@ async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") ->
     """Return the error of a refused start or tick: the server's reason, who is master, and what to do.
 
     Args:
-        what: was refused.
-        user_id: that it was asked with.
         reason: where the answer has it; else it is in a status frame.
     """
     statuses = [frame for frame in bridge.take_inbox() if frame.get("op") == "status"]

@@ -44,7 +44,6 @@ def put_names(
     """Print names, one per line, as the tools of ROS 2 do.
 
     Args:
-        names: the names.
         types: types of all, to print them behind, in brackets; empty prints none.
         is_count: print only how many there are.
         is_json: print them as JSON, without types.
@@ -71,7 +70,6 @@ def put_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows with aligned columns below a header.
 
     Args:
-        header: titles of the columns.
         rows: the cells of each row.
     """
     lines = [list(header), *([safe(cell) for cell in row] for row in rows)]
@@ -141,7 +139,6 @@ def leaves(value: object, path: str = "", sign: str = ".") -> Iterator[tuple[str
     """Yield path and value of each part of a value that has no parts itself.
 
     Args:
-        path: path of the value.
         sign: stands between the names of a path; numbers of elements follow without it.
     """
     if isinstance(value, Mapping) and value:

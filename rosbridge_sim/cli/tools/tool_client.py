@@ -162,9 +162,6 @@ class Bridge:
     async def ask(self, service: str, /, **args: object) -> Frame:
         """Return the values of a rosapi service.
 
-        Args:
-            args: fields of the request.
-
         Raises:
             RefusedError: it refuses, or does not exist.
             BridgeError: there is no answer.
@@ -218,11 +215,7 @@ def answer_of(frame: Frame) -> ToolAnswer:
 
 
 def words(values: Frame, key: str) -> list[str]:
-    """Return the list of names in an answer; empty if there is none.
-
-    Args:
-        key: field with the list.
-    """
+    """Return the list of names in an answer; empty if there is none."""
     value = values.get(key)
     return [str(one) for one in value] if isinstance(value, list) else []
 

@@ -176,11 +176,7 @@ def clock_of(types: Mapping[str, str]) -> str | None:
 
 
 def stamp_of(msg: object, field: str) -> int:
-    """Return a time in a message, in the spelling of either generation [ns]; 0 if there is none.
-
-    Args:
-        field: name of its field.
-    """
+    """Return a time in a message, in the spelling of either generation [ns]; 0 if there is none."""
     stamp = msg.get(field) if isinstance(msg, dict) else None
     if not isinstance(stamp, dict):
         return 0

@@ -221,7 +221,6 @@ async def echo(
         field: a part of each message; None means all of it.
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.
-        form: form of the output.
 
     Raises:
         RefusedError: the topic does not exist, or no message came in time.
@@ -268,9 +267,6 @@ class FieldPath:
 
     def find(self, msg: Frame) -> object:
         """Return the part of a message at this path.
-
-        Args:
-            msg: the message.
 
         Raises:
             RefusedError: the message has no such part.
@@ -359,7 +355,6 @@ async def publish(
     """Publish a message `count` times, or until Ctrl-C.
 
     Args:
-        name: name of the topic.
         values: the message, or the values of its fields in order.
         count: number of messages; None means no end.
         rate: messages per second [Hz]; None publishes once, and then stays for later subscribers.

@@ -46,12 +46,7 @@ class Announcer:
     """
 
     def __init__(self, far_side: FarSide, registry: MirrorRegistry) -> None:
-        """Create an announcer that follows the registry; nothing is announced yet.
-
-        Args:
-            far_side: the remote bridge.
-            registry: the items to announce.
-        """
+        """Create an announcer that follows the registry; nothing is announced yet."""
         self._known_types: set[str] = set()  # of the topics that the far side has had since it was attached
         self.is_attached = False
         self.is_time_known = False

@@ -172,7 +172,6 @@ class BridgeConnection:
         """Send a topic message, which may be left out if the far side is too slow.
 
         Args:
-            frame: the message.
             is_ordered: it must not be replaced by a newer one, and leaves before all later ordered frames.
         """
         if is_ordered:
@@ -252,7 +251,6 @@ class BridgeConnection:
         Args:
             on_answer: gets the answer; None for a refusal, an invalid answer, or a time-out.
             on_refusal: gets the reason of a refusal, before `on_answer` is called.
-            args: fields of the request.
         """
         self._num_asked += 1
         question = f"{_QUESTION}{self._num_asked}"

@@ -87,11 +87,7 @@ class Diagnostics:
         )
 
     def log_once(self, text: str) -> None:
-        """Log a warning once. It stays true until a user changes something there.
-
-        Args:
-            text: the warning.
-        """
+        """Log a warning once. It stays true until a user changes something there."""
         if text not in self._logged and len(self._logged) < MAX_DIAGNOSTICS:
             self._logged.add(text)
             self.log(logging.WARNING, text)
@@ -121,9 +117,6 @@ class Diagnostics:
 
     def note_status(self, op: Status, ours: Collection[ItemKey], now: float) -> str:
         """Log a status message of the bridge; one that differs only in its numbers from an earlier one is left out.
-
-        Args:
-            ours: the announced items.
 
         Returns:
             The package that it does not know; empty if it says something else.
@@ -198,11 +191,7 @@ class Diagnostics:
             )
 
     def report_attached(self, ours: Collection[ItemKey]) -> None:
-        """Log that everything is announced there.
-
-        Args:
-            ours: the announced items.
-        """
+        """Log that everything is announced there."""
         kinds = [kind for kind, _, _ in ours]
         num_topics, num_services, num_inputs = map(kinds.count, ("topic", "service", "input"))
         self.log(
@@ -220,7 +209,6 @@ class Diagnostics:
         Args:
             topics: the values of `/rosapi/topics`.
             services: the values of `/rosapi/services`.
-            ours: the announced items.
             is_final: it had enough time; a missing item will not appear later.
 
         Returns:
@@ -262,20 +250,12 @@ class Diagnostics:
 
 
 def refuses_null(text: str | None) -> bool:
-    """Return True if an error text of the bridge is about a `null` that it does not take.
-
-    Args:
-        text: the text, of any length.
-    """
+    """Return True if an error text of the bridge is about a `null` that it does not take."""
     return _NO_NULL.search(text or "", 0, MAX_REASON) is not None
 
 
 def names_of(values: Values | None, key: str) -> list[str]:
-    """Return a list of names from an answer; empty if there is none.
-
-    Args:
-        key: field with the list.
-    """
+    """Return a list of names from an answer; empty if there is none."""
     names = None if values is None else values.get(key)
     return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
 

@@ -77,11 +77,7 @@ class FarSide:
         self.reads_words = self.bus.store.ros == 1
 
     def note_refusal(self, text: str | None) -> None:
-        """Send words from now on if an error text of the bridge is about `null`.
-
-        Args:
-            text: the text.
-        """
+        """Send words from now on if an error text of the bridge is about `null`."""
         if not self.reads_words and refuses_null(text):
             self.reads_words = True
             self.diagnostics.report_words()
@@ -132,8 +128,6 @@ class FarSide:
         """Report a mistake of a program there, in the log and on `/sim/refusals`.
 
         Args:
-            reason: kind of mistake.
-            text: the text that a client would be sent.
             op: the wrong op, if it is known.
         """
         refusal = refusal_of(self.address, reason, text, op)

@@ -316,11 +316,7 @@ class FlowControl:
         self._patience = min(MAX_PATIENCE, 2 * self._patience)
 
     def note_answer(self, number: int, now: float) -> None:
-        """Register the answer to a probe; all earlier probes were handled, too.
-
-        Args:
-            number: number of the probe.
-        """
+        """Register the answer to a probe; all earlier probes were handled, too."""
         while self._probes and self._probes[0].number <= number:
             probe = self._probes.popleft()
             if probe.number == number:

@@ -63,11 +63,7 @@ class FreshMessages:
         return len(self._newest) if self.is_behind else len(self._all)
 
     def offer(self, message: WaitingMessage) -> None:
-        """Add a message.
-
-        Args:
-            message: the newest of its topic.
-        """
+        """Add a message."""
         self.num_offered += 1
         if self.is_behind:
             self._replace(message)

@@ -59,7 +59,6 @@ class Mirror(FarSide):
         Args:
             bus: the bus of `source`.
             source: the simulator.
-            address: address of the far side.
             choices: connections and extra topics; None for the defaults.
         """
         super().__init__(bus, source, address)

@@ -105,7 +105,6 @@ class MirrorRegistry:
 
         Args:
             far_side: owner of the mirrored items.
-            make_connection: creates the connection with a name.
         """
         self._choices = choices
         self.items: dict[ItemKey, MirroredItem] = {}
@@ -165,7 +164,6 @@ class MirrorRegistry:
         """Note if a large topic has readers there.
 
         Args:
-            item: a large topic.
             is_read: None if the far side cannot tell. Then the topic is published, but not under a second name.
         """
         item.is_unread = item.name in self._choices.second_names() if is_read is None else not is_read

@@ -53,7 +53,6 @@ class ReleaseCheck:
         Args:
             diagnostics: gets the finding.
             registry: the announced items; its first connection is asked.
-            store: our types.
         """
         self.releases: Callable[[], Mapping[str, Store]] = dict
         self.on_mismatch: Callable[[str], None] = lambda _text: None

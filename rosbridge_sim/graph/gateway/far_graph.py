@@ -196,7 +196,6 @@ class FarNode(Protocol[Given_contra]):
         """Publish on a topic; other nodes see it from now on.
 
         Args:
-            quality: what is offered.
             is_sole: its user data tells other nodes that it must be the only publisher of its topic.
 
         Raises:

@@ -104,10 +104,7 @@ class Gateway(Generic[Type]):
         """Start without writers and readers; the first `advance` makes them.
 
         Args:
-            graph: the kind of graph.
-            bus: our bus.
             types: its types as nodes there know them.
-            node: our node on the graph.
             policy: rights of all clients.
             topics: topics that pass, in both directions.
             qualities: pattern of topics, and the quality of our publishers there; the first that matches.
@@ -193,7 +190,6 @@ class Gateway(Generic[Type]):
 
         Args:
             found: new or changed endpoints.
-            lost: keys of those that are gone.
         """
         for key in lost:
             self._endpoints.pop(key, None)

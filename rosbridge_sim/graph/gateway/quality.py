@@ -51,12 +51,7 @@ def read_choice(text: str) -> tuple[str, Quality]:
 
 
 def why_unheard(offered: Quality, wanted: Quality) -> Sequence[str]:
-    """Return in which points a publisher offers less than a subscription asks for; empty if they fit.
-
-    Args:
-        offered: of the publisher.
-        wanted: of the subscription.
-    """
+    """Return in which points a publisher offers less than a subscription asks for; empty if they fit."""
     points = []
     if wanted.is_reliable and not offered.is_reliable:
         points.append("reliability: best_effort is offered, reliable is wanted")

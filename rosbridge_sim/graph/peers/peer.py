@@ -76,7 +76,6 @@ class Peer(PeerBase):
         """Create a client that holds nothing yet.
 
         Args:
-            session: its wire.
             address: its network address, for people.
             policy: its rights.
         """

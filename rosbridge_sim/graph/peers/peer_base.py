@@ -50,7 +50,6 @@ class PeerBase:
         """Create a client that holds nothing yet; the arguments are its attributes.
 
         Args:
-            session: its wire.
             address: its network address, for people.
             policy: its rights.
         """
@@ -77,7 +76,6 @@ class PeerBase:
         """Report a mistake of this client in the log and on `/sim/refusals`.
 
         Args:
-            reason: kind of mistake.
             text: text that the client was sent.
             op: the wrong op, if it is known.
         """
@@ -86,10 +84,6 @@ class PeerBase:
 
     def suggest(self, reason: Reason, op: ops.Op) -> str:
         """Return the nearest name that this client may use, or where a name exists, for the end of an error text.
-
-        Args:
-            reason: kind of mistake.
-            op: the wrong op.
 
         Returns:
             The end of a sentence; may be empty.
@@ -126,11 +120,7 @@ class PeerBase:
         self.policy.check_publish(topic, type_name)
 
     def may_see(self, name: str) -> bool:
-        """Return True if this client may see an existing topic.
-
-        Args:
-            name: name of the topic.
-        """
+        """Return True if this client may see an existing topic."""
         return self.policy.may_see(name, self.bus.topics[name].type.name)
 
     def refuse(self, op: ops.Op, why: str, reason: Reason = Reason.REFUSED) -> bool:
@@ -138,7 +128,6 @@ class PeerBase:
 
         Args:
             why: reason, for the client.
-            reason: kind of mistake.
 
         Returns:
             True if the op got an answer; False if it is of a kind that has none.
@@ -176,7 +165,6 @@ class PeerBase:
 
         Args:
             level: `info`, `warning` or `error`.
-            op_id: id of the op that the text is about.
         """
         try:
             self.session.remark(level, text, op_id)

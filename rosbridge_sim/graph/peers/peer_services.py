@@ -82,11 +82,7 @@ class PeerServices(Offers[Call]):
         self._provided.pop(resolve(op.service), None)
 
     def respond(self, op: ops.ServiceResponse, _now: float) -> None:
-        """Take the answer to a call of which this client is the provider.
-
-        Args:
-            op: the answer.
-        """
+        """Take the answer to a call of which this client is the provider."""
         name = op.service
         provided = self._provided.get(name)
         if provided is None:

@@ -59,7 +59,6 @@ class PeerTopics:
         """Create an empty table.
 
         Args:
-            peer: the client.
             check_room: called before it holds another one.
         """
         self.num_held = 0

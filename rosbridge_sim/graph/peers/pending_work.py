@@ -69,19 +69,11 @@ class PendingWork(Generic[W]):
         return work_id
 
     def get(self, work_id: object) -> W | None:
-        """Return the work with an id, which may have ended; None if there is none.
-
-        Args:
-            work_id: any value.
-        """
+        """Return the work with an id, which may have ended; None if there is none."""
         return self._by_id.get(work_id) if isinstance(work_id, str) else None
 
     def pop(self, work_id: object) -> W | None:
-        """Remove and return the work with an id; None if there is none.
-
-        Args:
-            work_id: any value.
-        """
+        """Remove and return the work with an id; None if there is none."""
         return self._by_id.pop(work_id, None) if isinstance(work_id, str) else None
 
     def items(self) -> Iterable[tuple[str, W]]:
@@ -100,7 +92,6 @@ class Offers(Generic[W]):
         """Create an empty table.
 
         Args:
-            peer: the client.
             check_room: called before it offers another one.
         """
         self._peer = peer

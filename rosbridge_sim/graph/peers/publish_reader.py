@@ -81,7 +81,6 @@ class PublishReader:
 
         Args:
             spelling: the topic as the client spells it.
-            topic: the topic.
         """
         self._num_left -= 1
         if not self._num_left or self._session.frame_length:

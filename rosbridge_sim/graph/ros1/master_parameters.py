@@ -42,11 +42,7 @@ class MasterParameters:
     name = "/ros1"
 
     def __init__(self, parameters: Parameters) -> None:
-        """Mirror nothing yet.
-
-        Args:
-            parameters: those of the bus.
-        """
+        """Mirror nothing yet."""
         self.unsent: dict[str, Any] = {}
         self.on_change: Callable[[], None] = lambda: None
         self._parameters = parameters

@@ -96,7 +96,6 @@ class Ros1Types:
     """The types of one store as nodes of ROS 1 know them, each made at its first use.
 
     Args:
-        store: the types of the bus.
         ros1: the same types in the form of ROS 1; `store` itself if it has that.
         find_service_text: returns the definition of a service from an installation of ROS; None if there is none.
     """
@@ -163,7 +162,6 @@ class Ros1Types:
 
         Args:
             name: `pkg/Type`.
-            full_text: its text with those of all types in it.
             md5: its sum, which the text must have.
 
         Raises:
@@ -203,7 +201,6 @@ def _weigh(store: Store, name: str, depth: int, known: dict[str, int]) -> int:
     """Return the number of values in the default of a message, which a few lines can make endless.
 
     Args:
-        depth: messages around it.
         known: messages that were weighed before.
 
     Raises:

@@ -57,9 +57,6 @@ class CdrType:
     def encode(self, message: Message) -> bytes:
         """Return a message as CDR, with its four bytes of encapsulation; made once for all who want it.
 
-        Args:
-            message: a message of the type.
-
         Raises:
             EncodingError: it cannot be written, because of an internal error.
         """
@@ -118,7 +115,6 @@ class CdrTypes:
     """The types of one store as nodes of ROS 2 know them, each made at its first use.
 
     Args:
-        store: the types of the bus.
         ros2: the same types in the form of ROS 2; `store` itself if it has that.
     """
 

@@ -62,9 +62,6 @@ def write_discovery(
     Args:
         distro: distribution whose nodes are met.
         program: identity of the program, 16 bytes.
-        node: namespace and name of the node.
-        readers: identities of its subscriptions.
-        writers: identities of its publishers.
     """
     length = _GID_OF_HUMBLE if distro == "humble" else _GID
     out = bytearray(b"\0\1\0\0" + program.ljust(length, b"\0") + struct.pack("<I", 1))

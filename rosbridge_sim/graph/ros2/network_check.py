@@ -97,7 +97,6 @@ def check_graph(seen: SeenGraph, environment: Mapping[str, str]) -> Sequence[Fin
     """Return the result of each step; the last steps are missing if the server was not found.
 
     Args:
-        seen: what was seen in the domain.
         environment: variables with which the user's nodes are started.
     """
     findings = [_check_domain(seen, environment), _check_range(seen, environment), _check_interface(seen)]

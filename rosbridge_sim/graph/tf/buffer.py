@@ -77,9 +77,6 @@ class _Edge(Record):
 def frame_name(given: str) -> str:
     """Return the name of a frame without the leading slash of old ROS versions: `/map` and `map` are one frame.
 
-    Args:
-        given: the name as it came.
-
     Raises:
         GraphError: it is empty or too long.
     """
@@ -92,12 +89,7 @@ def frame_name(given: str) -> str:
 
 
 def compose(first: Transform, second: Transform) -> Transform:
-    """Return a pose in frame A for a pose in frame B.
-
-    Args:
-        first: pose of B in A.
-        second: pose in B.
-    """
+    """Return a pose in frame A for a pose in frame B."""
     x, y, z, ax, ay, az, aw = first
     u, v, w, bx, by, bz, bw = second
     # p + q (u, v, w) q*, by way of t = 2 q x (u, v, w)
@@ -154,7 +146,6 @@ class TransformBuffer:
 
         Args:
             stamped: a geometry_msgs/TransformStamped.
-            sender: the publisher.
             is_static: it stays valid until it is replaced.
 
         Raises:

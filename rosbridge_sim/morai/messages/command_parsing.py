@@ -98,7 +98,6 @@ def ego_settings(message: Struct, most: int) -> list[EgoSetting]:
     """Read a MultiEgoSetting.
 
     Args:
-        message: a generated struct.
         most: largest number of egos.
 
     Returns:
@@ -144,9 +143,6 @@ def ego_settings(message: Struct, most: int) -> list[EgoSetting]:
 def ghost_pose(message: Struct) -> GhostPose:
     """Read a GhostMessage.
 
-    Args:
-        message: a generated struct.
-
     Returns:
         The pose in the world's units.
 
@@ -167,7 +163,6 @@ def npc_ghosts(message: Struct, most: int) -> NpcGhosts:
     """Read a NpcGhostCmd. The lists of lamps in newer releases are ignored: they only change the picture.
 
     Args:
-        message: a generated struct.
         most: largest number of entities in the world.
 
     Returns:
@@ -199,9 +194,6 @@ def npc_ghosts(message: Struct, most: int) -> NpcGhosts:
 
 def lamps_of(lamps: Struct) -> tuple[int, int]:
     """Read a Lamps message.
-
-    Args:
-        lamps: a generated struct.
 
     Returns:
         The turn signal (0 none, 1 left, 2 right) and the emergency signal (0 off, 1 on).

@@ -76,7 +76,6 @@ class ObjectLayout:
 
         Args:
             world: read only.
-            sized: makes a size.
             seen_from: row of an ego whose list includes the other egos, and the function that returns their ids.
         """
         egos = world.rows(Kind.EGO)

@@ -87,7 +87,6 @@ def tint_table(frame: SceneFrame, rows: IntArray, shape: Shape) -> NDArray[np.ui
     """Return the colours of the parts of entities, (k, tints, 3).
 
     Args:
-        frame: the entities.
         rows: (k,) of entities of one shape.
     """
     table = _paint_table(frame, rows, shape)
@@ -133,7 +132,6 @@ def lit_table(frame: SceneFrame, rows: IntArray) -> NDArray[np.uint8]:
     """Return which parts of entities shine by themselves, (k, tints), see `Lit`.
 
     Args:
-        frame: the entities.
         rows: (k,) of entities.
     """
     lit = np.zeros((len(rows), _NUM), dtype=np.uint8)

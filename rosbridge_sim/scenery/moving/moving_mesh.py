@@ -67,7 +67,6 @@ class MovingScene:
             eye: (3,) from where it is seen, map frame [m]; None for all details.
             reach: what is farther from the eye is left out [m].
             near: vehicles farther from the eye have fewer triangles [m].
-            has_lenses: with the lenses of traffic lights.
             which: (n,) entities that are wanted; None for all.
         """
         away = np.zeros(len(frame)) if eye is None else np.hypot(*(frame.poses[:, :2] - eye[:2]).T)

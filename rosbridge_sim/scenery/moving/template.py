@@ -74,8 +74,6 @@ class TemplateBuilder:
         """Add a solid in one tint.
 
         Args:
-            solid: vertices and triangles.
-            tint: of all.
             at: where its origin comes to lie.
         """
         vertices, triangles = solid
@@ -113,7 +111,6 @@ class TemplateBuilder:
 
         Args:
             profile: its outline, from the lower rear up, forward and down; all of it can be seen from its first point.
-            sides: tint of both sides.
         """
         k = len(profile)
         left = np.array([(u, w, h) for u, h, w, _ in profile])

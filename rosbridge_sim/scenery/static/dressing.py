@@ -70,11 +70,6 @@ def add_dressing(
     """Add what stands beside the roads.
 
     Args:
-        cover: of the lanes.
-        paint: beside the lanes.
-        terrain: the ground.
-        name: of the map.
-        seed: of the world.
         is_town: houses stand close together, and people walk.
     """
     digest = blake2b(f"{name} {seed}".encode(), digest_size=8).digest()

@@ -30,11 +30,7 @@ _LOOKS: Final = {
 
 
 def guess_borders(roads: Roads, cover: RoadCover) -> list[Border]:
-    """Return lines: white at edges, broken between lanes of one direction, yellow between both; none in intersections.
-
-    Args:
-        cover: of these.
-    """
+    """Return lines: white at edges, broken between lanes of one direction, yellow between both; none at crossings."""
     borders = []
     for lane in range(len(roads)):
         points, side, edges, _ = sample_lane(roads, lane, STEP)

@@ -42,7 +42,6 @@ class LoosePaint:
 
     Args:
         road_map: has lines, crosswalks and markings.
-        cover: of its lanes.
     """
 
     def __init__(self, road_map: RoadMap, cover: RoadCover) -> None:

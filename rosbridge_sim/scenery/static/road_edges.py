@@ -84,10 +84,7 @@ def add_edges(
     """Add what lies at the sides of the roads.
 
     Args:
-        cover: of the lanes.
-        paint: beside the lanes.
         terrain: the ground, to which the edges lead down.
-        has_pavement: people walk here.
     """
     edges = [edge for lane in range(len(roads)) for edge in _edges_of(roads, lane)]
     nums = [len(edge.points) for edge in edges]

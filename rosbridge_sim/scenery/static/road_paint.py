@@ -52,7 +52,6 @@ def add_paint(builder: MeshBuilder, road_map: RoadMap, cover: RoadCover) -> None
 
     Args:
         road_map: has the painted lines; a map without any gets lines along the edges of its lanes.
-        cover: of its lanes.
     """
     roads = road_map.roads
     is_fast = bool(len(roads)) and float(np.median(roads.speed_limit)) >= FAST

@@ -32,11 +32,7 @@ _PLATES: Final[dict[str, Colour]] = {"1": (232, 190, 40), "2": (196, 40, 44), "3
 
 
 def add_markings(builder: MeshBuilder, markings: Sequence[Marking]) -> None:
-    """Add areas that are painted white.
-
-    Args:
-        markings: of the map.
-    """
+    """Add areas that are painted white."""
     for marking in markings:
         outline = marking.outline
         if np.array_equal(outline[0], outline[-1]):
@@ -81,8 +77,6 @@ def add_signs(builder: MeshBuilder, signs: Sequence[Sign], cover: RoadCover, ter
     """Add plates, and poles for those that stand beside the roads.
 
     Args:
-        signs: of the map.
-        cover: of its lanes.
         terrain: the ground on which poles stand.
     """
     if not signs:

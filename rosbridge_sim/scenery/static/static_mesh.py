@@ -27,7 +27,6 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
 
     Args:
         name: chooses the dressing, with the seed: the name of the map.
-        seed: of the world.
         is_dressed: with buildings, trees and posts beside the roads.
     """
     roads = road_map.roads
@@ -55,9 +54,6 @@ def origin_of(roads: Roads) -> FloatArray:
     """Return the origin of the meshes of a map, (3,): near its middle, a multiple of 100 m, at height 0.
 
     Numbers of 32 bits are then exact to a millimetre within 8 km.
-
-    Args:
-        roads: of the map.
     """
     if not len(roads):
         return np.zeros(3)

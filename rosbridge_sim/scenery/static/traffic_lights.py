@@ -62,7 +62,6 @@ def add_lights(builder: MeshBuilder, lights: Sequence[Light], cover: RoadCover, 
     """Add housings, arms and poles of lights; the lamps are in `SignalLamps`.
 
     Args:
-        lights: of the map.
         cover: poles stand beside the roads.
         terrain: the ground on which poles stand.
     """
@@ -128,7 +127,6 @@ class SignalLamps:
     """The lenses of all lights of a map, and the visors above them.
 
     Args:
-        plan: the lights.
         origin: (3,) of the meshes, map frame [m].
     """
 

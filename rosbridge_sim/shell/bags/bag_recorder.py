@@ -56,11 +56,9 @@ class BagRecorder:
         """Start to record; `stop` ends it.
 
         Args:
-            bus: the bus with the topics.
             writer: writer for an empty bag.
             path: path of the bag, for the log.
             simulator: without patterns, its topics and commands are recorded; None records all topics.
-            patterns: patterns of the topics to record.
             loop: runs the timer for flushing.
         """
         self.writer = writer

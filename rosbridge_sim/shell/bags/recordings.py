@@ -48,7 +48,6 @@ class DiskRecordings:
         Args:
             folder: the data folder; it need not exist.
             texts: current definitions, for bags that have none.
-            loop: delivers the results.
         """
         self.reader = ThreadReader(loop, BAG_PATIENCE)
         self._folder = Path(folder)
@@ -58,7 +57,6 @@ class DiskRecordings:
         """See `Recordings`.
 
         Args:
-            reading: a new builder.
             then: called with the result.
         """
         self.reader.read(lambda: read_recording(find_recording(self._folder, name), reading, self._texts), then, 0.0)
@@ -69,9 +67,6 @@ class DiskRecordings:
 
 def find_recording(folder: Path, name: str) -> Path:
     """Return the path of the bag that a client names.
-
-    Args:
-        folder: the data folder.
 
     Raises:
         DocumentError: there is none, or the name leads out of the folder.

@@ -57,11 +57,7 @@ class Recovered:
 
 
 def repaired_name(path: Path) -> Path:
-    """Return the default path of a repaired bag: `drive.repaired.bag` beside `drive.bag`.
-
-    Args:
-        path: path of the broken bag.
-    """
+    """Return the default path of a repaired bag: `drive.repaired.bag` beside `drive.bag`."""
     return path.with_name(f"{path.stem}.repaired{path.suffix}")
 
 

@@ -83,11 +83,7 @@ def _check(one: object, *names: str) -> None:
 
 
 def connections_of(writer: Writer1 | Writer2) -> Sequence[Connection]:
-    """Return all topics so far.
-
-    Args:
-        writer: an open writer.
-    """
+    """Return all topics so far."""
     return writer.connections
 
 
@@ -96,9 +92,6 @@ def connections_of(writer: Writer1 | Writer2) -> Sequence[Connection]:
 
 def new_writer1(path: Path) -> Writer1:
     """Return a writer that has not created its file yet.
-
-    Args:
-        path: path of the bag.
 
     Raises:
         DocumentError: the library's private parts are not as expected.
@@ -116,29 +109,17 @@ def file_of1(writer: Writer1) -> BinaryIO | None:
 
 
 def num_chunks1(writer: Writer1) -> int:
-    """Return the number of chunks so far, with the current one.
-
-    Args:
-        writer: an open writer.
-    """
+    """Return the number of chunks so far, with the current one."""
     return len(writer.chunks)
 
 
 def end_chunk1(writer: Writer1) -> None:
-    """Write the current chunk, however small it is.
-
-    Args:
-        writer: an open writer.
-    """
+    """Write the current chunk, however small it is."""
     writer.write_chunk(writer.chunks[-1])
 
 
 def shorten_index1(writer: Writer1) -> None:
-    """Reduce the index of the last written chunk to the number of messages of each topic.
-
-    Args:
-        writer: an open writer.
-    """
+    """Reduce the index of the last written chunk to the number of messages of each topic."""
     for chunk in writer.chunks[-2:-1]:
         counted = {key: range(len(entries)) for key, entries in chunk.connections.items()}
         chunk.connections = cast("Any", counted)  # Any: from now on only their length is read
@@ -174,9 +155,6 @@ class _NoFile:
 def new_writer2(path: Path) -> Writer2:
     """Return a writer of MCAP that has not created its folder or file yet.
 
-    Args:
-        path: path of the bag.
-
     Raises:
         DocumentError: the library's private parts are not as expected.
         WriterError: the file exists.
@@ -208,22 +186,14 @@ def file_of2(writer: Writer2) -> tuple[Path, BinaryIO] | None:
 
 
 def end_chunk2(writer: Writer2) -> None:
-    """Write the current chunk, unless it has no messages.
-
-    Args:
-        writer: an open writer.
-    """
+    """Write the current chunk, unless it has no messages."""
     storage = _storage(writer)
     if storage is not None and storage.chunk.msgs:
         storage.close_chunk()
 
 
 def zero_times2(writer: Writer2) -> None:
-    """Set the times of a bag without messages to 0, as the format requires.
-
-    Args:
-        writer: an open writer.
-    """
+    """Set the times of a bag without messages to 0, as the format requires."""
     storage = _storage(writer)
     if storage is not None and storage.message_start_time == _NO_TIME:
         storage.message_start_time = writer.min_timestamp = 0
@@ -231,9 +201,5 @@ def zero_times2(writer: Writer2) -> None:
 
 
 def drop_metadata2(writer: Writer2) -> None:
-    """Write the folder's own file nowhere: a bag that is one MCAP file has its contents, too.
-
-    Args:
-        writer: an open writer.
-    """
+    """Write the folder's own file nowhere: a bag that is one MCAP file has its contents, too."""
     writer.metapath = cast("Path", _NoFile())

@@ -70,7 +70,6 @@ class Scheduler:
         """Create a scheduler; the first `look` sets the timer.
 
         Args:
-            loop: has the time and the timer.
             bus: its time-outs come first.
             clocks: get their turns after it, in this order.
             on_failure: called once if one of them fails.

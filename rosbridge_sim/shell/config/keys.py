@@ -32,11 +32,7 @@ def keys() -> list[str]:
 
 
 def variable(key: str) -> str:
-    """Return the name of a key's environment variable.
-
-    Args:
-        key: key of a setting.
-    """
+    """Return the name of a key's environment variable."""
     return PREFIX + key.upper().replace("-", "_")
 
 

@@ -171,9 +171,5 @@ def _beside(key: str, value: object, folder: Path) -> object:
 
 
 def looks_like_path(name: str) -> bool:
-    """Return True if a scenario or map is given as a path, not as a name.
-
-    Args:
-        name: the given text.
-    """
+    """Return True if a scenario or map is given as a path, not as a name."""
     return "/" in name or os.sep in name or name.endswith(".json") or name in {".", ".."}

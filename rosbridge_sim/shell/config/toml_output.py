@@ -20,7 +20,6 @@ def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
     """Return the settings as a TOML file that can be read again; secrets are left out and must be added by the user.
 
     Args:
-        settings: the settings to write.
         items: topics and services of a simulator with these settings; all of them are written.
     """
     lines: list[str] = []

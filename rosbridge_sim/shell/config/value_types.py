@@ -106,8 +106,6 @@ def whole_number(low: int, high: int, sign: str = "N") -> ValueType:
     """Return the type of a whole number within limits.
 
     Args:
-        low: smallest value.
-        high: largest value.
         sign: placeholder in `--help`.
     """
 
@@ -207,11 +205,7 @@ def shares(sign: str) -> ValueType:
 
 
 def or_none(kind: ValueType, word: str) -> ValueType:
-    """Return a type that also accepts a word for None.
-
-    Args:
-        kind: the type of all other values.
-    """
+    """Return a type that also accepts a word for None."""
 
     def read(value: object) -> object:
         return None if value is None or _is_word(value, word) else kind.read(value)

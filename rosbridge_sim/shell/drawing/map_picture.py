@@ -137,7 +137,6 @@ def draw_thumbnail(road_map: RoadMap, width: int, height: int, agents: Sequence[
     Args:
         width: [pixels].
         height: [pixels].
-        agents: entities to draw.
     """
     agents = [agent for agent in agents if agent.is_placed]
     low, high = _extent(road_map.roads, agents)

@@ -55,7 +55,6 @@ class SensorThread:
         """Start no thread yet.
 
         Args:
-            loop: delivers the results.
             drawer: draws, in the thread; a process of its own if it is left out.
         """
         self.on_done: Callable[[], None] = _nothing

@@ -13,11 +13,7 @@ from pathlib import Path
 
 
 def find_existing(folder: Path) -> Path:
-    """Return the folder itself, or its nearest parent that exists.
-
-    Args:
-        folder: any path.
-    """
+    """Return the folder itself, or its nearest parent that exists."""
     folder = folder.absolute()
     return next((place for place in (folder, *folder.parents) if os.path.lexists(place)), folder)
 

@@ -17,9 +17,6 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
 
     A pipe is refused, because a read of it waits for as long as nothing writes.
 
-    Args:
-        max_bytes: longest content.
-
     Raises:
         DocumentError: it is no regular file, it cannot be read, or it is longer than `max_bytes`.
     """

@@ -55,7 +55,6 @@ class DocumentCache:
         """Create an empty cache.
 
         Args:
-            max_documents: largest number of documents.
             max_bytes: largest size of their source files together.
         """
         self._max_documents = max_documents
@@ -69,7 +68,6 @@ class DocumentCache:
         Args:
             kind: distinguishes different documents of one path; each kind has one type of document.
             path: path of the document: a file or a folder.
-            files: all its source files.
             make: makes it; errors that it raises are passed on, and nothing is stored.
             min_age: time since the last change of the files that is needed to store the document [s].
         """

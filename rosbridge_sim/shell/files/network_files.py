@@ -25,11 +25,7 @@ class DiskNetworks:
     """Network settings by the name of their scenario, read when they are needed."""
 
     def __init__(self, root: str | Path) -> None:
-        """Set the folder: `Network` in `root`; neither has to exist.
-
-        Args:
-            root: the data folder.
-        """
+        """Set the folder: `Network` in `root`; neither has to exist."""
         self._folder = Path(root) / NETWORK_FOLDER
 
     def network(self, scenario: str) -> NetworkSettings | None:

@@ -112,10 +112,6 @@ class DataQuota:
     def check(self, num_bytes: int, num_files: int) -> None:
         """Refuse files that would exceed the quota.
 
-        Args:
-            num_bytes: size of the files.
-            num_files: number of files, with folders.
-
         Raises:
             DocumentError: the quota is exceeded; the text names it and its flag.
         """
@@ -140,8 +136,6 @@ class DataQuota:
         """Note that files were written.
 
         Args:
-            num_bytes: size of the files.
-            num_files: number of files, with folders.
             source: the topic or service that a client used, for the log.
         """
         for usage in (self._used, self._written):

@@ -39,7 +39,6 @@ class DiskArchive:
         """Set the folder, which is created when it is needed.
 
         Args:
-            root: the data folder.
             quota: limit for the folder; None means no limit.
         """
         self._root = Path(root)

@@ -68,7 +68,6 @@ class ThreadReader:
         """Create a reader without threads; each thread is started when it is needed.
 
         Args:
-            loop: delivers the results.
             patience: longest time for a job, waiting included [s].
         """
         self.on_done: Callable[[], None] = _nothing

@@ -44,7 +44,6 @@ class DescriptorWatch:
         """Start to watch.
 
         Args:
-            loop: runs the timer.
             try_one: uses a descriptor for a moment; raises OSError if there is none. None opens a file.
         """
         self._loop = loop

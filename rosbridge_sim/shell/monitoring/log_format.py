@@ -17,11 +17,7 @@ longer."""
 
 
 def formatter_of(log_format: Literal["text", "json"]) -> logging.Formatter:
-    """Return the formatter for `--log-format`.
-
-    Args:
-        log_format: value of the flag.
-    """
+    """Return the formatter for `--log-format`."""
     return _JsonLine() if log_format == "json" else _OneLine()
 
 

@@ -113,11 +113,7 @@ class LineLimiter(logging.Filter):
         self.flush()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Return True if a line is written; shorten it if needed. Must not raise, because the caller only wants to log.
-
-        Args:
-            record: the line.
-        """
+        """Return True if a line is written; shorten it if needed. Must not raise, because the caller only logs."""
         try:
             return self._judge(record)
         except Exception:  # noqa: BLE001 - e.g. values that do not fit the text; handlers report that on stderr

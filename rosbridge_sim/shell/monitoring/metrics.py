@@ -84,7 +84,6 @@ class Metrics:
 
         Args:
             loop: the event loop; its clock is real time.
-            server: the server whose clients are counted.
             node: the simulator's node; None without a world.
             refusals: counts the refused requests of clients.
             num_bugs: returns the number of internal errors.

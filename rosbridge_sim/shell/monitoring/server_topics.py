@@ -79,8 +79,6 @@ class ServerTopics:
         """Advertise the topics and follow the server's clients and this process's log, until `stop`.
 
         Args:
-            server: the server with the clients.
-            loop: runs the timers.
             refusals: the refused requests of clients; None creates a new list.
             policy: the rights of clients; `/sim/topics` tells only what it allows.
             ages: returns how old topic messages are at each remote bridge [s], by its URL; takes monotonic time [s].

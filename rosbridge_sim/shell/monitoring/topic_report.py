@@ -44,7 +44,6 @@ class TopicReport:
         """Count nothing yet.
 
         Args:
-            bus: has the topics.
             policy: the rights of clients; only what it allows is told.
         """
         self._bus = bus

@@ -115,10 +115,8 @@ def _frame(title: str, root: str, body: str, language: str = "en") -> PageFile:
     """Return a whole HTML document.
 
     Args:
-        title: title of the page.
         root: the server's first page, relative to this one: a proxy may put all of them below a folder.
         body: HTML of the page.
-        language: of the text.
     """
     html = f"""<!doctype html>
 <html lang="{language}">

@@ -25,11 +25,7 @@ class MadeOnce(Generic[_Value]):
         self._turn = threading.Lock()  # one thread at work, so that many requests at once do not slow the world down
 
     def ask(self, name: str, make: Callable[[], _Value]) -> asyncio.Future[_Value]:
-        """Return a value, once it is made; after a failure the next request tries again.
-
-        Args:
-            make: makes it, in a thread.
-        """
+        """Return a value, once it is made; after a failure the next request tries again."""
         value = self._values.get(name)
         if value is None or (value.done() and (value.cancelled() or value.exception() is not None)):
             value = self._values[name] = self._loop.create_future()

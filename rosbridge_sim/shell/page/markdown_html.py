@@ -28,7 +28,6 @@ def render_markdown(text: str, name: str, pages: frozenset[str], images: frozens
     """Return a page as HTML, without the frame around it.
 
     Args:
-        text: the page in Markdown.
         name: its path below the folder of the pages, without suffix.
         images: paths of all pictures below the folder of the pages.
     """

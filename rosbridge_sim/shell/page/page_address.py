@@ -23,7 +23,6 @@ def page_urls(host: str, port: int, *, is_tls: bool) -> tuple[str, ...]:
 
     Args:
         host: host name or address on which the server listens.
-        is_tls: it has a certificate.
     """
     hosts = [host]
     with suppress(ValueError):  # a name
@@ -51,7 +50,6 @@ def has_desktop(platform: str = sys.platform, environment: Mapping[str, str] = o
 
     Args:
         platform: as `sys.platform`.
-        environment: environment variables.
     """
     if platform in {"win32", "darwin"}:
         return True

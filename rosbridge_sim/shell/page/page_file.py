@@ -26,11 +26,7 @@ class PageFile(Record):
 
 
 def make_page_file(kind: str, body: bytes) -> PageFile:
-    """Return a file with its compressed form and its ETag.
-
-    Args:
-        kind: its content type.
-    """
+    """Return a file with its compressed form and its ETag."""
     etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
     import gzip  # noqa: PLC0415 - for the first reader of a page
 

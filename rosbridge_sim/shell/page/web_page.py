@@ -34,11 +34,7 @@ class Folder(Protocol):
     """Files that are made at their first request."""
 
     async def read(self, path: str) -> PageFile | None:
-        """Return a file; None if there is none of this name.
-
-        Args:
-            path: path of the request.
-        """
+        """Return a file; None if there is none of this name."""
 
 
 class WebPage:
@@ -54,7 +50,6 @@ class WebPage:
 
         Args:
             loop: where requests are answered.
-            types: declarations of the messages.
             frame_ancestors: origins whose pages may show this one in a frame.
         """
         self.folders: Mapping[str, Folder] = {DOCS_PATH: DocSite(loop), TYPES_PATH: types}

@@ -269,7 +269,6 @@ def _matrices(camera: CameraModel, axes: FloatArray, eye: FloatArray) -> tuple[F
     """Return the matrix from the scene to the picture, its first row at the top, and that from the picture to rays.
 
     Args:
-        camera: of a plane picture.
         axes: (3, 3) its directions forward, left and up, a column each.
         eye: its place in the scene [m].
     """

@@ -61,11 +61,7 @@ NAMES: Final = ("place", "look", "normal", "instance")
 
 
 def pack_vertices(mesh: Mesh) -> NDArray[np.void]:
-    """Return three vertices for each triangle, (3 m,), as the shaders take them.
-
-    Args:
-        mesh: any.
-    """
+    """Return three vertices for each triangle, (3 m,), as the shaders take them."""
     corner = np.empty((len(mesh), 3), dtype=VERTEX)
     corner["place"] = mesh.vertices[mesh.triangles]
     look = np.empty((len(mesh), 4), dtype=np.uint8)
@@ -117,12 +113,7 @@ class _Buffer:
 
 
 class CellMesh:
-    """A mesh that does not move, in the memory of the graphics library.
-
-    Args:
-        context: of the library.
-        mesh: the triangles.
-    """
+    """A mesh that does not move, in the memory of the graphics library."""
 
     def __init__(self, context: moderngl.Context, mesh: Mesh) -> None:
         middle = mesh.vertices[mesh.triangles].mean(axis=1)
@@ -183,12 +174,7 @@ SHADOW_LIFT: Final = 0.02
 
 
 class MovingBuffer:
-    """Triangles that are written anew for each frame, and the shadows below entities.
-
-    Args:
-        context: of the library.
-        shadow: program that draws the shadows.
-    """
+    """Triangles that are written anew for each frame, and the shadows below entities."""
 
     def __init__(self, context: moderngl.Context, shadow: moderngl.Program) -> None:
         self._buffer = _Buffer(context, bytes(MIN_BYTES), is_dynamic=True)
@@ -202,8 +188,6 @@ class MovingBuffer:
         """Take the triangles and shadows of a frame.
 
         Args:
-            mesh: of what moves.
-            frame: from which it was made.
             origin: (3,) of the mesh.
         """
         packed = pack_vertices(mesh)

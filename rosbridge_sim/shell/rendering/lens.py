@@ -49,9 +49,7 @@ class PlaneView:
     """A plane picture, and the pixels of the bent one that show it.
 
     Args:
-        camera: of the plane picture.
         side: axes and signs, as in `SIDES`.
-        pixels: indices of the pixels.
         place: (k, 2) where they look, column and row of the plane picture; 0 is the middle of the first pixel.
         stretch: (k,) depth of these pixels, as a share of that of the plane picture.
 

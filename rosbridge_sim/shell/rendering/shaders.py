@@ -139,9 +139,7 @@ def scene_fragment(coat: Coat, *, is_dark: bool, is_wet: bool) -> str:
     """Return the program for the pixels of a class.
 
     Args:
-        coat: what is drawn onto it.
         is_dark: head lamps light it.
-        is_wet: it mirrors the sky.
     """
     words = [coat.value, *(["DARK"] if is_dark else []), *(["WET"] if is_wet else [])]
     fades = {Coat.ASPHALT: ASPHALT_FADES, Coat.GRASS: GRASS_FADES}.get(coat, 1.0)

@@ -15,7 +15,6 @@ class Targets:
     """Memory of the graphics library for the parts of a picture.
 
     Args:
-        context: of the library.
         size: width and height [pixels].
         samples: samples a pixel of the colours; 0 draws them plain.
 

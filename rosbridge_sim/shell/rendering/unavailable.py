@@ -8,9 +8,5 @@ class RenderingUnavailableError(RuntimeError):
 
 
 def missing_library(what: str, library: str) -> RenderingUnavailableError:
-    """Return the error for a Python library that is not installed.
-
-    Args:
-        what: needs it, e.g. "cameras".
-    """
+    """Return the error for a Python library that is not installed."""
     return RenderingUnavailableError(f"{what} need the library {library}: pip install 'rosbridge-sim[sensors]'")

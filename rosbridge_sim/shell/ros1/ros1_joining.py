@@ -70,9 +70,7 @@ async def join_ros1(
 
     Args:
         settings: all settings; `ros1_master` is set.
-        bus: the bus of the server.
         policy: rights of all clients.
-        texts: definitions of types.
         scheduler: calls the gateway.
         stamps: get the clock of the nodes; None without a world.
 
@@ -106,7 +104,6 @@ async def choose(settings: Settings, environment: Mapping[str, str]) -> Ros1Choi
 
     Args:
         settings: all settings; `ros1_master` is set.
-        environment: variables of the process.
 
     Raises:
         DocumentError: master, host or name cannot be used.

@@ -82,7 +82,6 @@ class FarServices:
 
         Args:
             bus: our bus: the calls of a participant that leaves end there.
-            node: name of our node.
             find: returns `rosrpc://HOST:PORT` of a service by its name there, or raises GraphError.
             name_there: returns the name there of a service of the bus.
             max_size: longest response [bytes].
@@ -173,8 +172,6 @@ async def probe(uri: str, name: str, node: str) -> dict[str, str]:
 
     Args:
         uri: `rosrpc://HOST:PORT`.
-        name: its name there.
-        node: name of our node.
 
     Raises:
         GraphError, OSError, asyncio.IncompleteReadError: it cannot be asked.

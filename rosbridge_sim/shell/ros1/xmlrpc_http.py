@@ -67,7 +67,6 @@ async def call(uri: str, method: str, *args: object) -> Any:  # noqa: ANN401 - a
     """Return the value of an answer.
 
     Args:
-        uri: of the server.
         method: what to call.
         args: values of XML-RPC.
 

@@ -200,7 +200,6 @@ class DdsDomain:
         Args:
             topic: its name for DDS.
             data_type: from `DdsTypes`.
-            quality: what is offered.
             user_data: what other programs are told about the writer.
         """
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above

@@ -98,9 +98,7 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
 
     Args:
         settings: all settings; `ros2_domain` is set.
-        bus: the bus of the server.
         policy: rights of all clients.
-        texts: definitions of types.
         scheduler: calls the gateway.
 
     Raises:

@@ -44,7 +44,6 @@ def look_at_domain(domain: int, distro: Distro, patience: float) -> SeenGraph:
     """Return what is seen in a domain: first on loopback, then, if no server is there, in the network.
 
     Args:
-        distro: distribution of the nodes.
         patience: longest wait for a server, in each of the two places [s].
 
     Raises:

@@ -108,7 +108,6 @@ class LateDeflateFactory(ServerExtensionFactory):
         """Answer an offer of the client.
 
         Args:
-            params: parameters of the offer.
             accepted_extensions: extensions accepted before.
 
         Returns:
@@ -133,7 +132,6 @@ def inflate(extension: LateDeflate, data: Deflated, max_bytes: int) -> Generator
     Args:
         extension: extension of the connection, whose messages must be read in order.
         data: the whole message.
-        max_bytes: longest message.
 
     Returns:
         The message; None if it is longer.

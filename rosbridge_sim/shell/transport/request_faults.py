@@ -46,11 +46,7 @@ _WRONG_METHOD = _answer(
 
 
 def find_first_fault(head: bytes | bytearray) -> bytes | None:
-    """Return the answer to a request whose first line is complete and wrong; None if more of it must come.
-
-    Args:
-        head: the request so far.
-    """
+    """Return the answer to a request whose first line is complete and wrong; None if more of it must come."""
     end = head.find(b"\n") + 1
     return _NO_HTTP if end and not _REQUEST_LINE.fullmatch(head, 0, end) else None
 

@@ -242,7 +242,6 @@ class DirectConnection(ReceivingConnection):
         """Handle a message that the library has read: fragments, or a compressed message.
 
         Args:
-            is_text: it was sent as text.
             last: data of its last frame.
         """
         assert self._receiver is not None, "before that, what comes is kept"

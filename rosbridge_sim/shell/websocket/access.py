@@ -84,7 +84,6 @@ class Access:
 
         Args:
             request: the HTTP request.
-            num_clients: number of clients now.
             is_loopback: the server can only be reached from this machine.
             own_names: names of this machine that web pages may use.
         """
@@ -106,7 +105,6 @@ class Access:
 
         Args:
             request: the HTTP request.
-            own_names: names of this machine.
         """
         if not self.is_shown(request):
             return HandshakeRefusal(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
@@ -119,11 +117,7 @@ class Access:
         return HandshakeRefusal(HTTPStatus.FORBIDDEN, f"{why}\n", f"http://{hosts[0]}" if hosts else None)
 
     def is_full(self, num_clients: int) -> bool:
-        """Return True if there is no room for another client.
-
-        Args:
-            num_clients: number of clients now.
-        """
+        """Return True if there is no room for another client."""
         return self.max_clients is not None and num_clients >= self.max_clients
 
     def is_shown(self, request: Request) -> bool:

@@ -89,8 +89,6 @@ class Client:
         """Create a client that does not read yet.
 
         Args:
-            socket: its open connection.
-            turns: gives it its turns.
             watch: gets events that concern the whole server.
             is_from_autobahn: it may be roslibpy.
         """
@@ -228,9 +226,6 @@ class Client:
 
     def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
         """Decompress a message in slices, and begin the frame in it.
-
-        Args:
-            message: the compressed message.
 
         Returns:
             As `Peer.begin`.

@@ -32,11 +32,7 @@ class ConnectionPlaces:
         return len(self._taken)
 
     def take(self, one: Evictable) -> None:
-        """Give a place to a connection without one; if all are in use, the oldest owner leaves.
-
-        Args:
-            one: the connection.
-        """
+        """Give a place to a connection without one; if all are in use, the oldest owner leaves."""
         self._taken[one] = None
         if len(self._taken) > self._number:
             oldest = next(iter(self._taken))
@@ -44,9 +40,5 @@ class ConnectionPlaces:
             oldest.evict()
 
     def leave(self, one: Evictable) -> None:
-        """Free a place; a connection without one is not an error.
-
-        Args:
-            one: the connection.
-        """
+        """Free a place; a connection without one is not an error."""
         self._taken.pop(one, None)

@@ -143,7 +143,6 @@ class ServedConnection(DirectConnection):
         """Let the server answer; see `ReceivingConnection.answer`.
 
         Args:
-            head: the request.
             num_behind: bytes that came behind it.
         """
         return not self.has_task and num_behind <= MAX_EARLY and self._tables.take(self, head)
@@ -187,10 +186,7 @@ def make_connection(
     """Create the protocol object of an accepted connection.
 
     Args:
-        tables: the tables of the server.
         rules: rules for TLS; None for an unencrypted connection.
-        args: the library's arguments.
-        kwargs: the library's arguments.
     """
     socket = ServedConnection(tables, *args, **kwargs)
     return socket if rules is None else TlsHandshake(socket, rules, tables.opening, tables.handshakes)

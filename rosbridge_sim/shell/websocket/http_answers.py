@@ -33,13 +33,7 @@ _VERSION: Final = "13"
 
 
 def answer_with(connection: ServerConnection, code: HTTPStatus, body: bytes, content_type: str) -> Response:
-    """Return an answer that is not plain text.
-
-    Args:
-        connection: the connection of the request.
-        code: the status.
-        body: the content.
-    """
+    """Return an answer that is not plain text."""
     response = connection.respond(code, "")
     for name, value in (("Content-Type", content_type), ("Content-Length", str(len(body)))):
         del response.headers[name]
@@ -52,9 +46,7 @@ def answer_file(connection: ServerConnection, request: Request, file: PageFile, 
     """Return a file of the web page, compressed if the browser takes that, or 304 if the browser has it.
 
     Args:
-        connection: the connection of the request.
         request: a GET or HEAD request.
-        headers: further headers.
     """
     is_compressed = accepts(request, "Accept-Encoding", "gzip")
     etag = f'{file.etag[:-1]}-gzip"' if is_compressed else file.etag  # a strong ETag stands for the bytes on the wire
@@ -76,7 +68,6 @@ def answer_moved(connection: ServerConnection, path: str) -> Response:
     """Return an answer that leads from a path without its last slash to the one with it.
 
     Args:
-        connection: the connection of the request.
         path: a path of one name, such as `/docs`.
     """
     response = connection.respond(HTTPStatus.PERMANENT_REDIRECT, f"It is at {path}/\n")
@@ -90,8 +81,6 @@ async def answer_map(
     """Return the map once it is written, or why there is none.
 
     Args:
-        connection: the connection of the request.
-        asked: the text.
         lost: done when the connection is lost.
     """
     ends: list[asyncio.Future[MapText] | asyncio.Future[None]] = [asked, lost]
@@ -117,7 +106,6 @@ async def answer_late(lost: asyncio.Future[None], response: Response, delay: flo
 
     Args:
         lost: done when the connection is lost.
-        response: the answer.
         delay: the delay [s].
     """
     await asyncio.wait([lost], timeout=delay)
@@ -129,7 +117,6 @@ def links_of(paths: Sequence[str], *, has_version: bool) -> bytes:
 
     Args:
         paths: the paths that the server has beside the socket, without the first slash.
-        has_version: add version and protocol.
     """
     facts: dict[str, object] = {"name": "rosbridge-sim"}
     if has_version:
@@ -236,7 +223,6 @@ def is_known(etag: str, known: Sequence[str]) -> bool:
 
     Args:
         etag: the ETag, with its quotes.
-        known: values of the header.
     """
     names = [name.strip().removeprefix("W/") for name in ",".join(known).split(",")]
     return etag in names or "*" in names

@@ -92,7 +92,6 @@ class MemoryBudget:
         """Start the checks; `stop` ends them.
 
         Args:
-            loop: runs the timer.
             bus: the bus; its owners' accounts are part of the memory.
             clients: returns the connected clients, and other connections that may hold much.
             budget: largest memory of all of them [bytes]; None means no limit.

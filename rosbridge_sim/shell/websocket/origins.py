@@ -82,8 +82,6 @@ class OriginRules(Record):
         """Return why a handshake is refused, with the flag that would allow it; None if it may go on.
 
         Args:
-            origins: values of the header Origin.
-            hosts: values of the header Host.
             own_names: names of this machine, from `own_names`.
             is_loopback: the server can only be reached from this machine.
         """
@@ -108,7 +106,6 @@ class OriginRules(Record):
         """Return why a plain request gets no data, with the flag that would allow it; None if it may have them.
 
         Args:
-            hosts: values of the header Host.
             own_names: names of this machine, from `own_names`.
         """
         try:
@@ -189,8 +186,6 @@ class RefusedOrigins:
         """Log a warning for each web page once, not for each attempt: a page in a tab may try every second.
 
         Args:
-            log: the log of the server.
-            address: address of the connection.
             text: why it was refused.
             origin: the refused web page; None if the page is not the reason.
         """
@@ -269,7 +264,6 @@ def _read_host(hosts: Sequence[str], where: str = "") -> _Place:
     """Return host and port in the header Host.
 
     Args:
-        hosts: values of the header.
         where: for the texts, such as " beside an Origin".
 
     Raises:

@@ -122,8 +122,6 @@ class Server:
         """Create a server that does not listen yet.
 
         Args:
-            bus: the bus of all clients.
-            limits: limits of each connection.
             on_change: called after each frame and each departure, because the world may be due earlier than planned.
         """
         self.clients: dict[Client, None] = {}

@@ -101,11 +101,7 @@ class TlsHandshake(asyncio.Protocol):
     # Called by the first transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin the handshake.
-
-        Args:
-            transport: the unencrypted transport.
-        """
+        """Begin the handshake."""
         if isinstance(transport, asyncio.Transport):
             transport.pause_reading()  # `start_tls` reads the first packet
             self._transport = transport

@@ -55,7 +55,6 @@ class Turns:
         """Begin without workers.
 
         Args:
-            loop: its passes are the rounds.
             on_round: called after each round in which a client has worked; it must not raise.
         """
         self._loop = loop

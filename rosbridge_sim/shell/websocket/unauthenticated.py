@@ -65,9 +65,6 @@ class UnauthenticatedConnection:
         """Begin to wait for the token; the time limit starts now.
 
         Args:
-            socket: its open connection.
-            access: the rules.
-            turns: gives it its turns.
             is_talkative: send status frames.
             on_refusal: called with each refusal: its reason, the op if it is a word, and the text.
         """

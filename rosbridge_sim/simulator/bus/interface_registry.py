@@ -59,7 +59,6 @@ class Interface(ABC):
 
         Args:
             owner: the simulator.
-            name: the item's name on it.
 
         Raises:
             GraphError: the name cannot be used.
@@ -102,7 +101,6 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
 
     Args:
         owner: the simulator.
-        type_name: package and type.
 
     Returns:
         A text for an error; None if the topic is free.
@@ -162,7 +160,6 @@ class InterfaceRegistry:
         """Add an item, and put it on the bus if the registry is open.
 
         Args:
-            item: a new one.
             is_everywhere: every release has its type. If false, the item is left out where the release lacks the type,
                 and
                 settings may still name it, so that one file serves for all releases.
@@ -273,7 +270,6 @@ class InterfaceRegistry:
         """Return the name of an item on the bus.
 
         Args:
-            kind: of the item.
             default: its default name, without a prefix.
             prefix: `/`, or that of a further ego.
 

@@ -109,7 +109,6 @@ class NetworkSettings:
         """Return the choice for an item, completed by the defaults; only the rate may be None.
 
         Args:
-            kind: of the item.
             default: its default name, without a prefix.
             prefix: `/` for an item of the world or the first ego, else the prefix of a further ego.
         """
@@ -188,11 +187,7 @@ def split_prefix(name: str) -> tuple[str, str]:
 
 
 def path_text(path: tuple[str, ...]) -> str:
-    """Return a path of keys as TOML writes it; a long key is shortened.
-
-    Args:
-        path: the keys.
-    """
+    """Return a path of keys as TOML writes it; a long key is shortened."""
     return ".".join(map(_key_text, path))
 
 
@@ -217,7 +212,6 @@ def read_choices(
     """Read one table of the settings.
 
     Args:
-        kind: the kind of items in the table.
         table: from a TOML file or from Python.
         place: returns the text for a place in it, for errors.
         on_mistake: takes each mistake; by default the first one is raised.

@@ -62,7 +62,6 @@ class Publishers:
 
         Args:
             owner: the simulator.
-            items: take the topics.
         """
         self._owner = owner
         self._bus = bus
@@ -100,7 +99,6 @@ class Publishers:
 
         Args:
             name: default name.
-            type_name: package and type.
             make: returns the struct of the world's current state, or None if there is nothing to publish; called at
                 most once a frame.
             is_exclusive: no other participant may publish there.
@@ -146,7 +144,6 @@ class Publishers:
 
         Args:
             name: default name.
-            type_name: package and type.
             is_exclusive: no other participant may publish there.
 
         Returns:
@@ -178,11 +175,7 @@ class Publishers:
             publisher.topic.forget_messages_of(self._owner)
 
     def remove(self, prefix: str, now: float) -> None:
-        """Stop to publish the topics of a further ego.
-
-        Args:
-            prefix: of their names.
-        """
+        """Stop to publish the topics of a further ego."""
         gone = [publisher for publisher in (*self._periodic, *self._latched) if publisher.prefix == prefix]
         self._periodic = [publisher for publisher in self._periodic if publisher.prefix != prefix]
         self._latched = [publisher for publisher in self._latched if publisher.prefix != prefix]

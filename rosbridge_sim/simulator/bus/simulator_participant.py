@@ -26,6 +26,5 @@ class SimulatorParticipant:
 
         Args:
             level: `error`, `warning`, `info` or `none`; an unknown level is logged as a warning.
-            text: the message, on one line.
         """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)

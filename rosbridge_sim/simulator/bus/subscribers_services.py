@@ -52,7 +52,6 @@ class SubscribersServices:
             type_name: of `morai_msgs` if it names no package.
             handle: answers the calls.
             is_everywhere: every release has the type. If false, nothing is offered where a release lacks it.
-            limits: of a request.
 
         Raises:
             TypeNameError: there is no such type.
@@ -76,7 +75,6 @@ class SubscribersServices:
             type_name: of `morai_msgs` if it names no package.
             take: takes each message.
             is_everywhere: every release has the type. If false, nothing is subscribed to where a release lacks it.
-            limits: of a message.
 
         Raises:
             GraphError: a client has given the topic another type.

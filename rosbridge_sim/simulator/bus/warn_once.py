@@ -22,9 +22,7 @@ class WarnOnce:
         """Warn a participant, unless it has been warned with this text, or about this, before.
 
         Args:
-            participant: the client.
             about: what it is about; None for the text itself. It must come from a small set, because all are kept.
-            reason: kind of the mistake.
         """
         texts = self._texts.setdefault(participant, set())
         about = text if about is None else about

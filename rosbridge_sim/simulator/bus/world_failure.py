@@ -26,8 +26,6 @@ class WorldFailure:
 
         Args:
             participant: the owner of the simulator's services.
-            bus: has these services.
-            interfaces: closed by a failure.
             is_serving_on: true if the program goes on without its world.
         """
         self.why: str | None = None
@@ -39,9 +37,6 @@ class WorldFailure:
 
     def note(self, error: Exception) -> str:
         """Record a failure, and refuse all waiting and future calls.
-
-        Args:
-            error: the exception of the step.
 
         Returns:
             The text for peers, `why`.

@@ -22,15 +22,10 @@ class Component:
 
         Args:
             prefix: before the topics' names: `/`, or `/Ego-2/` for a further ego.
-            publishers: take the topics.
         """
 
     def publish(self, publishers: Publishers) -> None:
-        """Publish the topics that exist once, not for each ego.
-
-        Args:
-            publishers: take the topics.
-        """
+        """Publish the topics that exist once, not for each ego."""
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services and subscribe to the topics that exist once, not for each ego.

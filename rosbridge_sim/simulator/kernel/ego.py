@@ -87,9 +87,6 @@ class Ego:
         """Represent an ego that stands in the world already.
 
         Args:
-            convert: makes its messages.
-            uid: its id in the world.
-            ctrl_mode: its driver.
             index: its number; None for the id in the world.
             roads: returns the lanes of the map in use.
         """
@@ -286,9 +283,6 @@ class Ego:
     def set_ctrl_mode(self, ctrl_mode: CtrlMode) -> str | None:
         """Change the driver. If a client or the car itself was driving, the pedals are released.
 
-        Args:
-            ctrl_mode: the new driver.
-
         Returns:
             None if the ego has this mode now, else the reason why not, for a person to read.
         """
@@ -338,9 +332,6 @@ class Ego:
 
     def shift(self, gear: Gear) -> str | None:
         """Change gear.
-
-        Args:
-            gear: the new one.
 
         Returns:
             None if the ego is in this gear now, else the reason why not, for a person to read.

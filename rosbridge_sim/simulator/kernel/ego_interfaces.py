@@ -19,11 +19,7 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 def ego_prefix(index: int) -> str:
-    """Return the prefix of the topics and services of an ego.
-
-    Args:
-        index: its number.
-    """
+    """Return the prefix of the topics and services of an ego."""
     return "/" if index == FIRST_EGO else f"/Ego-{index}/"
 
 
@@ -71,9 +67,6 @@ class EgoInterfaces:
 
     def why_gone(self, service: str) -> str:
         """Return the reason why a service of a removed ego is missing.
-
-        Args:
-            service: its name on the bus.
 
         Returns:
             A text for the client; empty for any other name.

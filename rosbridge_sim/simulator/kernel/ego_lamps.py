@@ -16,7 +16,6 @@ def lamps_of(ego: Ego, world: World) -> int:
     """Return the lamps of an ego that are lit, a sum of the bits of `world.followers.lamps`.
 
     Args:
-        ego: one that is in the world.
         world: read only.
     """
     row = ego.row

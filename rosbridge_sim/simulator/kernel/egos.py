@@ -82,11 +82,7 @@ class EgoRegistry:
         return {FIRST_NUMBER, *(ego.index for ego in self._egos)}
 
     def unique_id(self, row: int) -> int:
-        """Return the number on the wire of an entity; an ego's differs from its uid.
-
-        Args:
-            row: of the entity in the world.
-        """
+        """Return the number on the wire of an entity; an ego's differs from its uid."""
         uid: int = self._world.uid.item(row)
         return next((ego.index for ego in self._egos if ego.uid == uid), uid)
 
@@ -94,7 +90,6 @@ class EgoRegistry:
         """Return an ego for an entity of the world; it is not in the registry before `add`.
 
         Args:
-            index: its number on the wire.
             uid: id of the entity in the world.
         """
         return Ego(

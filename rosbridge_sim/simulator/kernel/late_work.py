@@ -36,7 +36,6 @@ class LateWork:
         """Wait for nothing.
 
         Args:
-            sync_driver: holds clients.
             guard: notes internal errors, which end only the work that has them.
         """
         self.has_turns = False
@@ -49,7 +48,6 @@ class LateWork:
         """Do some work, later if there are turns and not too much waits.
 
         Args:
-            parts: the work.
             client: held until it is done, and told its mistakes.
             source: name of the topic or service, for these.
 

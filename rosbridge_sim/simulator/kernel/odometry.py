@@ -20,7 +20,6 @@ def seen_from(origin: Origin, pose: Origin) -> Origin:
 
     Args:
         origin: of `odom`.
-        pose: x, y, z and yaw in the map.
     """
     cos, sin = math.cos(origin[3]), math.sin(origin[3])
     x, y = pose[0] - origin[0], pose[1] - origin[1]

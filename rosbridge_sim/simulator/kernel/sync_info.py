@@ -18,10 +18,7 @@ class SyncInfo:
         """Create the topic; nothing is published before the first `announce`.
 
         Args:
-            store: has the type.
             world: has the frame.
-            sync: the mode.
-            publishers: take the topic.
         """
         self._world = world
         self._sync = sync

@@ -98,9 +98,6 @@ class TfPublisher:
         """Read nothing yet.
 
         Args:
-            store: has the types.
-            world: has the poses.
-            convert: makes the headers.
             frames: above `base_link`.
             wheels: those of an ego; None for no frames of wheels.
         """
@@ -116,9 +113,6 @@ class TfPublisher:
 
     def moving(self, egos: Iterable[Ego]) -> Struct:
         """Return the poses of the egos and of their moving frames, in the order of the egos.
-
-        Args:
-            egos: the egos; each stands in the world.
 
         Returns:
             A TFMessage with a transform for each frame.
@@ -148,9 +142,6 @@ class TfPublisher:
 
     def mounts(self, egos: Iterable[Ego]) -> tuple[Mount, ...]:
         """Return the frames that are fixed to the egos.
-
-        Args:
-            egos: the egos; each stands in the world.
 
         Returns:
             The middle of the bounding box and the sensors of each ego, in the egos' order, and the pictures' frames.
@@ -199,9 +190,7 @@ class StaticTf:
         """Create the topic; nothing is published before the first `announce`.
 
         Args:
-            transforms: makes the messages.
             egos: the vehicles that the frames are fixed to.
-            publishers: take the topic.
         """
         self._transforms = transforms
         self._egos = egos

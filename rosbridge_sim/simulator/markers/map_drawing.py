@@ -65,7 +65,6 @@ class MapDrawing:
         """Divide a map into pages; nothing is drawn yet.
 
         Args:
-            store: has the types.
             road_map: never changed.
             page_points: see `PAGE_POINTS`.
         """

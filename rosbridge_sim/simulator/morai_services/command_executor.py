@@ -39,11 +39,7 @@ class CommandExecutor:
         context.stepper.carry_out = self.carry_out
 
     def carry_out(self, command: SceneCommand, now: float) -> None:
-        """Carry out a command; what is wrong with it is told to its sender, and then nothing has changed.
-
-        Args:
-            command: one that is ready.
-        """
+        """Carry out a command; what is wrong with it is told to its sender, and then nothing has changed."""
         match command.action:
             case ControlEgo() as action:
                 self._control(action, command)

@@ -106,11 +106,8 @@ class CommandTopics(Component):
         """Apply a command of a client to an ego, if it may move the ego now; else warn it, once.
 
         Args:
-            bindings: of the ego.
             name: default name of the topic that it came by.
             control: in the world's units.
-            sender: the client.
-            message: the command as it came.
 
         Returns:
             True if it was applied.

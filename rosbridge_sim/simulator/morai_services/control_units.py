@@ -30,10 +30,8 @@ def warn_of_units(control: Control, steering: str, topic: str, sender: Participa
     """Warn a client of values that are clipped because of their unit: once for each of its fields.
 
     Args:
-        control: what the client sent.
         steering: name of the field for the front wheels.
         topic: topic or service that it came by.
-        sender: the client.
         warnings: remembers who was warned.
     """
     if (

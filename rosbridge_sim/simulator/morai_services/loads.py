@@ -242,7 +242,6 @@ def _read_documents(
     """Read a scenario and the documents that belong to it; usually called in a thread.
 
     Args:
-        library: has the scenario and its map.
         networks: has its network settings; None if they are not wanted.
         name: of the scenario, as the client gives it.
         base: the map in use, which is not read again.

@@ -40,7 +40,6 @@ def read_while_held(
     """Run a function that may take seconds, and hold the client that asked for it until its result has been taken.
 
     Args:
-        reader: runs it.
         work: see `Reader.read`.
         then: see `Reader.read`.
         hold: holds the client; returns what releases it. It is not called if the result is there at once.

@@ -130,8 +130,6 @@ class OwnBytes:
 
         Args:
             key: of bytes from `pack`.
-            name: of the snapshot.
-            head: that they begin with.
         """
         self._known.pop(key.checksum, None)
         if len(self._known) >= MAX_OWN:

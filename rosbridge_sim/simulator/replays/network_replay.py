@@ -54,7 +54,6 @@ class NetworkReplay:
 
         Args:
             process: changes its state with the messages; gets the effect IGNORE from here.
-            playback: shows the messages.
             info: recognises the messages that the simulator has published itself.
         """
         self._process = process
@@ -67,11 +66,7 @@ class NetworkReplay:
         process.effects[ReplayEffect.IGNORE] = self._ignore
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """Subscribe.
-
-        Args:
-            bindings: take the subscription.
-        """
+        """Subscribe."""
         bindings.listen("ReplayInfo_topic", "ReplayInfo", self._hear, limits=_LIMITS)
         self._bindings = bindings
 

@@ -56,7 +56,6 @@ def decode_object_lists(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> Decode
     Args:
         raw: the bytes of one message.
         is_cdr: the bytes are CDR; otherwise ROS 1.
-        has_pedals: the message is a ReplayInfo.
 
     Returns:
         The content; figures in the message's units.

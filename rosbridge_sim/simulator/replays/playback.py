@@ -30,7 +30,6 @@ class Playback:
         """Start with an empty recording.
 
         Args:
-            world: its entities are moved.
             scene: gives ids to the entities of a recording.
             egos: those that a recording may move.
         """
@@ -42,8 +41,6 @@ class Playback:
         """Take another recording; the world does not change before `enter`.
 
         Args:
-            recording: shown from now on.
-            targets: entities that it moves.
             start_ns: first position, since the recording's first stamp [ns].
             speed: recorded time for each simulated time.
         """

@@ -67,7 +67,6 @@ class PlaybackActors:
         """Make the egos ghosts and remove the objects that the recording replaces, until `leave`.
 
         Args:
-            egos: numbers of the recorded egos.
             targets: a sum of EGO, VEHICLES and PEDESTRIANS.
             has_objects: whether objects are recorded; if not, those of the world stay and go on by themselves.
         """

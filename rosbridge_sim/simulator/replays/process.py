@@ -41,7 +41,6 @@ class ReplayProcess:
 
         Args:
             context: of the simulator; its pause is read and set.
-            playback: moves the world.
         """
         self.state = ReplayState.SIMULATING
         self.on_event: list[Callable[[float], None]] = []

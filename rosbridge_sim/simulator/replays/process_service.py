@@ -53,11 +53,7 @@ class ProcessService:
         self._make_result = late_maker(context.bus.store, "morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """Offer the service.
-
-        Args:
-            bindings: take the service.
-        """
+        """Offer the service."""
         bindings.provide("Morai_SimProc", "MoraiSimProcSrv", self._command)
 
     def forget(self, why: str = "The simulation was reset") -> None:

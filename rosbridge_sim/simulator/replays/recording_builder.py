@@ -63,7 +63,6 @@ class Recordings(Protocol):
         """Read the recording that a client names; this may take seconds.
 
         Args:
-            name: as the client gives it.
             reading: takes the messages.
             then: called once, perhaps before this returns, and never while frames are being computed.
         """

@@ -65,9 +65,6 @@ class ReplayCommand(Record):
 def read_command(request: Struct) -> ReplayCommand:
     """Read a MoraiSimProcHandle. A stop has no options, so they are ignored.
 
-    Args:
-        request: a generated struct.
-
     Returns:
         The command, with the start in nanoseconds.
 

@@ -67,9 +67,6 @@ class ReplayInfoPublisher:
     def is_echo(self, message: Struct) -> bool:
         """Return whether a message is one of the last that were published here.
 
-        Args:
-            message: a ReplayInfo from the bus.
-
         Returns:
             True for a message of this simulator that came back.
         """

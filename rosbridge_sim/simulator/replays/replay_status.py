@@ -26,7 +26,6 @@ class ReplayStatus:
 
         Args:
             process: whether a recording moves the world.
-            playback: its position.
         """
         self._context = context
         self._process = process

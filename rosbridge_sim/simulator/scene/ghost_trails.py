@@ -52,7 +52,6 @@ class GhostTrails:
 
         Args:
             uids: (m,) the ghosts, none twice; those without a trail get one.
-            frame: of the world.
             x: (m,) east [m].
             y: (m,) north [m].
             yaw: (m,) headings [rad].

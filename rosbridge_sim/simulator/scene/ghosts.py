@@ -43,7 +43,6 @@ class Ghosts:
 
         Args:
             world: written through `scene` and `placement`.
-            scene: adds vehicles.
             ego_numbers: returns the numbers of all egos on the wire.
         """
         self._world = world

@@ -37,9 +37,6 @@ class Library(Protocol):
     def map(self, name: str) -> RoadMap:
         """Return a map.
 
-        Args:
-            name: as a scenario gives it.
-
         Raises:
             DocumentError: it does not exist, or it cannot be used.
         """
@@ -64,9 +61,6 @@ class FoundMap(Record, eq=False):
 
 def find_map(library: Library, name: str) -> FoundMap:
     """Return a map. No other map replaces a missing one, because a drive on other roads is not the scenario's drive.
-
-    Args:
-        name: as a scenario gives it.
 
     Raises:
         DocumentError: it does not exist, or it cannot be used.

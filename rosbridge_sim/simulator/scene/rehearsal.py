@@ -51,19 +51,13 @@ class Rehearsal:
         """Rehearse nothing yet.
 
         Args:
-            dynamics: model of the egos.
             has_traffic: each new scene is filled with traffic.
         """
         self._dynamics = dynamics
         self._has_traffic = has_traffic
 
     def rehearse(self, scenario: Scenario, road_map: RoadMap) -> None:
-        """Have all that the first frames need of the roads computed. A scenario that cannot be loaded is no error here.
-
-        Args:
-            scenario: as it was read.
-            road_map: the map that it will probably be loaded on.
-        """
+        """Have all that the first frames need of the roads computed. A scenario that cannot be loaded is no error."""
         roads = road_map.roads
         done = roads.derived(_Rehearsed)
         if scenario in done.scenarios and done.is_filled >= self._has_traffic:

@@ -116,7 +116,6 @@ class Scene:
 
         Args:
             world: on the roads of `found`.
-            loaded: the attribute.
             next_uid: see `next_uid`.
         """
         self.world.restore(world)
@@ -145,7 +144,6 @@ class Scene:
         """Prepare a load: check everything that may be wrong.
 
         Args:
-            options: parts of it to load.
             own_map: the map that it names, if it was read already.
             base: the map to use if the scenario names none, or names this one; None for the map in use.
 
@@ -268,10 +266,7 @@ class Scene:
         """Add an object of a recording to the world.
 
         Args:
-            uid: its recorded id.
             kind: VEHICLE, PEDESTRIAN or OBSTACLE.
-            body: its size.
-            name: of its model.
             x: east [m].
             y: north [m].
 
@@ -355,9 +350,6 @@ class Scene:
     def remove(self, uid: int) -> None:
         """Remove an object from the world.
 
-        Args:
-            uid: its id.
-
         Raises:
             FieldError: there is no such object, it is an ego, or a recording is replayed.
         """
@@ -403,7 +395,6 @@ def populate(world: World, load: Load, next_uid: int, limits: SpeedLimits | None
 
     Args:
         world: written in place.
-        load: prepared.
         next_uid: the first free id.
         limits: of the ego's speed mode; None for those of its model.
 

@@ -62,7 +62,6 @@ class DrawnSpec(MountedSpec, frozen=True, kw_only=True):
             sight: of this sensor.
             static: mesh of everything that does not move.
             job: everything that moves, and the weather.
-            makers: draw.
         """
         raise NotImplementedError
 
@@ -136,7 +135,6 @@ class SensorWorker(Protocol):
         """Do a job.
 
         Args:
-            job: what is wanted.
             then: called once with the results in the order of the sights, or what has gone wrong, and monotonic time
                 [s]; between two frames, perhaps before this method returns.
         """

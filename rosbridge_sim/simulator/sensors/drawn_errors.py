@@ -75,7 +75,6 @@ def disturb_echoes(echoes: Echoes, max_range: float, noise: LidarNoise, chance: 
     range R, the cosine s of the angle of incidence, and a, b, c = `drop_out`, `drop_out_far`, `drop_out_grazing`.
 
     Args:
-        echoes: of the rays of a turn.
         max_range: of the lidar [m].
         noise: how large the errors are.
     """
@@ -105,7 +104,6 @@ def disturb_radar(
     Clutter stands still, at a random place of one of the beams; their number has a Poisson distribution.
 
     Args:
-        echoes: exact.
         carrier: world, row of the vehicle with the radar, and mounting.
         noise: how large the errors are.
     """

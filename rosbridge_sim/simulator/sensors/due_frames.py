@@ -17,7 +17,6 @@ def is_due(rate: float, frame: int) -> bool:
 
     Args:
         rate: at most `FRAME_RATE` [Hz].
-        frame: of the world.
     """
     return num_due(rate, frame, 1) > 0
 

@@ -52,7 +52,6 @@ class EgoRig:
         """Begin without sensors.
 
         Args:
-            prefix: of its topics.
             on_mount: called when it has other sensors.
         """
         self.ego = ego

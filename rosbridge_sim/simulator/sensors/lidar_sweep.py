@@ -128,7 +128,6 @@ def beams_2d(num_values: int, ahead: int, period: float) -> Beams:
 
     Args:
         num_values: directions of a turn, evenly apart.
-        ahead: index of the one that looks ahead.
         period: of a turn [s].
     """
     angle = 2.0 * math.pi * (np.arange(num_values) - ahead) / num_values
@@ -157,7 +156,6 @@ def sweep(motion: Motion, beams: Beams, origin: FloatArray) -> tuple[NDArray[np.
     """Return where the beams of a turn begin, and where they look.
 
     Args:
-        motion: of the vehicle.
         beams: of the sensor.
         origin: (3,) of the coordinates, in the map frame [m].
 
@@ -207,7 +205,6 @@ def echoes_of(hits: Hits, directions: NDArray[np.float32]) -> Echoes:
     """Return the echoes of hits in clear air.
 
     Args:
-        hits: of k rays.
         directions: (k, 3) unit vectors of the rays.
     """
     (a, b, c), (x, y, z) = hits.normals.T, directions.T
@@ -226,7 +223,6 @@ def fade(echoes: Echoes, extinction: float, max_range: float) -> Echoes:
     than that of `_DARKEST` at the longest range in clear air, which is the weakest that is seen there.
 
     Args:
-        echoes: in clear air.
         extinction: a [1/m].
         max_range: longest range of the lidar [m].
     """
@@ -240,7 +236,6 @@ def pack_points(echoes: Echoes, beams: Beams, min_range: float, max_range: float
     """Return the points of a turn as bytes of `POINT_TYPE`, and their number.
 
     Args:
-        echoes: of the rays of the beams.
         beams: of the sensor.
         min_range: nearest point [m].
         max_range: farthest point [m].

@@ -41,7 +41,6 @@ def read_morai_sensors(document: object, source: str) -> tuple[Rig, list[str]]:
     """Read a preset of MORAI.
 
     Args:
-        document: the parsed file.
         source: its name, for errors.
 
     Returns:

@@ -87,7 +87,6 @@ class MountedSensors(Component):
         """Read nothing yet.
 
         Args:
-            rig: of each ego at the start.
             worker: draws; None where nothing can, so that there are radars alone.
             weather: of what is drawn; None for noon.
             noise: errors of the readings; None for exact ones.
@@ -147,8 +146,6 @@ class MountedSensors(Component):
 
         Args:
             index: number of the ego, which need not be there: it comes with the rig of the start.
-            specs: sensors that the ego is to have.
-            caller: the client.
 
         Raises:
             GraphError: it may not have them.

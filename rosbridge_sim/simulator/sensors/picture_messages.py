@@ -47,13 +47,7 @@ class PictureMessages:
         )
 
     def camera_info(self, header: Struct, camera: CameraModel, model: str) -> Struct:
-        """Return the CameraInfo of a picture.
-
-        Args:
-            header: of the picture.
-            camera: its geometry.
-            model: name of the distortion model.
-        """
+        """Return the CameraInfo of a picture."""
         k = camera.matrix.ravel().tolist()
         p = [*k[:3], 0.0, *k[3:6], 0.0, *k[6:], 0.0]
         values = {"D": list(camera.distortion), "K": k, "R": _IDENTITY, "P": p}

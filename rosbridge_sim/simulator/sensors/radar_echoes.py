@@ -97,7 +97,6 @@ def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarBeams) ->
     Args:
         world: read only.
         row: row of the vehicle with the radar.
-        mounting: of the radar.
     """
     here = locate(world, row, mounting)
     axes = _axes(world, row, mounting)
@@ -138,7 +137,6 @@ def own_velocity(world: World, row: int, mounting: Mounting) -> FloatArray:
     Args:
         world: read only.
         row: row of the vehicle with the radar.
-        mounting: of the radar.
     """
     east, north = _velocity(world, row, locate(world, row, mounting))
     axes = _axes(world, row, mounting)

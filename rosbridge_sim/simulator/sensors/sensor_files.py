@@ -51,7 +51,6 @@ def gps_text(frame: int, message: Struct) -> bytes:
 
     Args:
         frame: the message's frame; its simulated time [s] is the column `time`.
-        message: a generated struct.
 
     Returns:
         UTF-8 text of two lines.
@@ -65,7 +64,6 @@ def imu_text(frame: int, message: Struct) -> bytes:
 
     Args:
         frame: the message's frame; its simulated time [s] is the column `time`.
-        message: a generated struct.
 
     Returns:
         UTF-8 text of two lines.

@@ -241,9 +241,6 @@ class NoiseSource:
 
     Args:
         noise: how large they are.
-        seed: of the world.
-        uid: id of the vehicle.
-        frame: of the world.
 
     Attributes:
         noise: how large they are.
@@ -302,7 +299,6 @@ class NoiseSource:
 
         Args:
             name: of the sensor.
-            share: of its messages that are lost.
         """
         return share > 0.0 and self._uniform(f"lost {name}", self._frame) < share
 

@@ -86,7 +86,6 @@ def read_rig(document: Mapping[str, Any], source: str) -> Rig:
     """Read a file of ours.
 
     Args:
-        document: the parsed file.
         source: its name, for errors.
 
     Raises:
@@ -106,11 +105,7 @@ def read_rig(document: Mapping[str, Any], source: str) -> Rig:
 
 
 def document_of(spec: SensorSpec, **changes: object) -> dict[str, Any]:
-    """Return a file of ours with one sensor.
-
-    Args:
-        changes: other values of its keys.
-    """
+    """Return a file of ours with one sensor."""
     values = msgspec.to_builtins(spec) | changes
     return {spec.kind: values if spec.is_on_each_ego else [values]}
 

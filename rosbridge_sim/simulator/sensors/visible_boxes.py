@@ -44,9 +44,6 @@ def find_visible_boxes(
     """Return the boxes of the entities that a picture shows.
 
     Args:
-        frame: the entities.
-        camera: has made the picture.
-        pose: of the camera.
         picture: with instances, depths and labels.
         carrier: id of the entity that is left out.
     """

@@ -51,8 +51,6 @@ class VisionMessages:
 
         Args:
             type_name: `DETECTIONS_2D` or `DETECTIONS_3D`.
-            header: of the picture.
-            boxes: of the picture.
         """
         fields = {name: getattr(header, name) for name in type(header).__struct_fields__}
         own = self._header(*(fields | {"frame_id": f"{fields['frame_id']}_optical"}).values())

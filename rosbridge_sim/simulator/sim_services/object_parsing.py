@@ -167,9 +167,7 @@ def read_new_object(message: Struct, where: str, roads: Roads, catalogue: Catalo
     """Read a SpawnObject.
 
     Args:
-        message: a generated struct.
         where: its place in the request, for errors.
-        roads: the map's.
         catalogue: the models that clients name.
 
     Raises:
@@ -198,9 +196,7 @@ def read_change(message: Struct, where: str, roads: Roads, kind: Kind) -> Change
     """Read an ObjectState. Fields whose flag is not set are not looked at.
 
     Args:
-        message: a generated struct.
         where: its place in the request, for errors.
-        roads: the map's.
 
     Raises:
         FieldError: names the field, what was expected and what came.
@@ -273,7 +269,6 @@ def find_link(roads: Roads, link: str, where: str) -> int:
     """Return the row of the lane that a client names.
 
     Args:
-        link: its id.
         where: the field, for errors.
 
     Raises:

@@ -89,7 +89,6 @@ class Population(Component):
 
         Args:
             act: does it; returns the numbers of new objects.
-            has_ids: the response has them.
         """
 
         def do(_now: float) -> None:

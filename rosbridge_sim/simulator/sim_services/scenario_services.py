@@ -91,7 +91,6 @@ class ScenarioShelf(Protocol):
         """Return the picture of a scenario, as a PNG file.
 
         Args:
-            name: as a client gives it.
             width: [px].
             height: [px].
 

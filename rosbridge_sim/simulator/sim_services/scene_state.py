@@ -61,11 +61,7 @@ class SceneState(Component):
     """The component of the scene's topic. It holds no state of the simulator, only parts of the last message."""
 
     def __init__(self, context: SimulatorContext, road_services: RoadServices) -> None:
-        """Publish nothing yet.
-
-        Args:
-            road_services: has the digest of the map.
-        """
+        """Publish nothing yet."""
         self._context = context
         self._road_services = road_services
         self._make = late_maker(
@@ -203,11 +199,7 @@ class SceneState(Component):
         )
 
     def _lamps(self, layout: _Layout, ego_lamps: list[int]) -> bytes:
-        """Return the lamps of each entity.
-
-        Args:
-            layout: the entities.
-        """
+        """Return the lamps of each entity."""
         lamps = find_lamps(self._context.world, layout.rows)
         for (place, _), own in zip(layout.egos, ego_lamps, strict=True):
             lamps[place] = own
@@ -299,8 +291,6 @@ def _looks_of(
 
     Args:
         box: length, width, height and `center_x` of each entity [m].
-        shapes: of each entity.
-        paints: of each entity.
     """
     table, which = np.unique(np.column_stack([*box, shapes.astype(np.float32)]), axis=0, return_inverse=True)
     hues, hue = np.unique(paints, return_inverse=True)

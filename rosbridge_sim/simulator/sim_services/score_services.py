@@ -112,8 +112,6 @@ class Scores(Component):
         """Make one score.
 
         Args:
-            index: number of the ego.
-            score: its figures.
             numbers: by the id in the world, the number under which clients know an ego.
         """
         return self._make_score(

@@ -87,7 +87,6 @@ class StopWatch:
         """Begin to watch; nothing is met yet.
 
         Args:
-            conditions: to look at.
             world: its scores are kept if a condition needs them.
             find_uids: gives the ids of the egos in the world.
         """

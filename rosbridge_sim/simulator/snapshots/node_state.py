@@ -224,7 +224,6 @@ class NodeState:
 
         Args:
             state: from anywhere.
-            maps: gives the maps that it needs.
             plans: from `plans`, called before.
 
         Raises:

@@ -52,7 +52,6 @@ def unpack_load(data: object, maps: Maps, known: Iterable[Load] = ()) -> Load:
 
     Args:
         data: the fields of a `PackedLoad`; from anywhere.
-        maps: gives its map.
         known: loads that it may be.
 
     Raises:
@@ -88,7 +87,6 @@ def unpack_action(data: object, maps: Maps, known: Iterable[Load] = ()) -> Scene
 
     Args:
         data: from anywhere.
-        maps: gives the maps of loads.
         known: loads that it may have.
 
     Raises:

@@ -236,7 +236,6 @@ class Barrier:
         """Somebody wants to be master while the barrier has members; for a member it is so already.
 
         Args:
-            user_id: the id that asks.
             step_ms: the time step that it wants [ms]; 0 takes the one in force.
             holder: the peer who asks.
         """

@@ -215,11 +215,7 @@ class Sync(WaitingCommands[C]):
         return self._follow(SyncHappening(event, now, user_id=user_id, step_ms=step, holder=holder))
 
     def stop(self, user_id: str, now: float) -> SyncOutcome:
-        """Handle a request to end the mode, so that real time moves the world again. Waiting commands are dropped.
-
-        Args:
-            user_id: the id that the peer stops with.
-        """
+        """Handle a request to end the mode, so that real time moves the world again. Waiting commands are dropped."""
         is_allowed = self.is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
         return self._follow(SyncHappening(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER, now))
 
@@ -238,7 +234,6 @@ class Sync(WaitingCommands[C]):
         """Handle a request to move the world by one time step.
 
         Args:
-            user_id: the id that the peer ticks with.
             named: the frame that it asks for; without meaning unless frames are strict.
             holder: the peer who asks.
             on_wait: called if the tick waits. Then call `take_turn`, and whenever a command has become ready or was
@@ -267,7 +262,6 @@ class Sync(WaitingCommands[C]):
 
         Args:
             user_id: the master, as the peer believes.
-            num_ticks: time steps.
             holder: the peer who asks.
             on_wait: called once if the ticks wait.
         """
@@ -378,11 +372,7 @@ class Sync(WaitingCommands[C]):
         self._mute[holder] += 1
 
     def unmute(self, holder: object, now: float) -> None:
-        """Note that a peer's input is read again.
-
-        Args:
-            holder: the peer.
-        """
+        """Note that a peer's input is read again."""
         self._mute[holder] -= 1
         if self._mute[holder] <= 0:
             del self._mute[holder]
@@ -422,9 +412,6 @@ class Sync(WaitingCommands[C]):
 
     def leave(self, holder: object, now: float) -> SyncOutcome | None:
         """Note that a peer has left.
-
-        Args:
-            holder: the peer.
 
         Returns:
             The outcome if the master is lost by that, else None.

@@ -358,7 +358,6 @@ class CollisionDetector:
         Args:
             poses: (2, 5, 2, m) of the pairs.
             of: (m,) int64, which pairs of the list they are.
-            num: pieces of the step.
         """
         start, end = poses
         part = np.linspace(0.0, 1.0, num + 1)[:, None, None]
@@ -413,7 +412,6 @@ def find_touched(world: World, uid: int) -> IntArray:
 
     Args:
         world: read only.
-        uid: id of the entity.
     """
     pairs = world.contacts
     others = pairs[:, ::-1][pairs == uid]

@@ -149,8 +149,6 @@ def find_impact(first: Rigid, second: Rigid, since: float) -> float:
     """Return the moment at which two bodies touch, 0..1, inf for none in this step.
 
     Args:
-        first: as it moves now.
-        second: the same.
         since: the earliest moment that counts. Bodies that touch then touch at once.
     """
     speed = math.hypot(second.move_x - first.move_x, second.move_y - first.move_y)
@@ -179,7 +177,6 @@ def strike(first: Rigid, second: Rigid, contact: Contact) -> bool:
     Args:
         first: written.
         second: written.
-        contact: between them.
 
     Returns:
         Whether they approached each other; if not, nothing has changed.
@@ -216,9 +213,7 @@ def _choose(g_n: float, g_t: float, k: tuple[float, float, float], restitution: 
 
     Args:
         g_n: relative velocity along the normal, negative [m/s].
-        g_t: the same across it.
         k: K_nn, K_tt and K_nt [1/kg].
-        restitution: e.
     """
     k_nn, k_tt, k_nt = k
     determinant = k_nn * k_tt - k_nt * k_nt

@@ -121,8 +121,6 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
 
     Args:
         speed: (k,) not negative [m/s].
-        perception: of the same drivers.
-        drivers: their parameters.
 
     Returns:
         (k,) at least -`HARDEST` and at most the driver's own `accel` [m/s^2].

@@ -108,7 +108,6 @@ def observe(
         drivers: copies, since `claim`, `held` and `exit_lane` are written.
         others: entries of the entities that do not follow lanes.
         num_moving: the first so many of `others` are moving vehicles.
-        which: the driver.
     """
     update_holds(conflicts, drivers)
     look = _Look(conflicts, may_enter, drivers, others)

@@ -230,7 +230,6 @@ def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:
 
     Args:
         world: written in place.
-        conflicts: of the world's roads.
         rows: (k,) int64.
     """
     point, _ = world.roads.locate(world.lane[rows], world.arc[rows])
@@ -243,7 +242,6 @@ def enter_next_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> I
 
     Args:
         world: written in place.
-        conflicts: of the world's roads.
         rows: (k,) int64.
 
     Returns:

@@ -96,8 +96,6 @@ def give_claims(
     Args:
         drivers: `claim` and `exit_lane` are written.
         perception: `gap` and `lead` are read; `stop_distance`, `is_shut_out` and `is_blocked` are written.
-        requests: of the same drivers.
-        queue: all entries.
         others: entries of the entities that do not follow lanes.
         num_moving: the first so many of `others` are moving vehicles: they occupy the lanes that they drive on.
     """

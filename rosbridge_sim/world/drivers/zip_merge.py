@@ -41,7 +41,6 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     """Have drivers before a join follow those on the other lane that will be there first.
 
     Args:
-        drivers: all of them.
         moving: entries of the vehicles that do not follow lanes and move.
         accel: (k,) that the drivers chose without regard to joins [m/s^2].
 

@@ -111,7 +111,6 @@ def view_driver(world: World, row: int) -> DriverView | None:
 
     Args:
         world: read only.
-        row: of the entity.
     """
     if not world.has_lane[row] or world.start_within[row] > 0.0:
         return None

@@ -188,7 +188,6 @@ def find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival:
     then see the entry.
 
     Args:
-        drivers: all of them.
         entries: (m,) of people who cross.
         arrival: (m,) when they will be in the way [s].
 

@@ -107,7 +107,6 @@ def rotate(by: Quaternion, vector: Vector) -> Vector:
     """Return a vector given in rotated axes in the axes that were rotated.
 
     Args:
-        by: the rotation.
         vector: its components in the rotated axes.
     """
     x, y, z, w = by

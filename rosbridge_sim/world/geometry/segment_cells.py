@@ -61,7 +61,6 @@ class SegmentCells(SegmentSearch):
 
     Args:
         segments: at least one.
-        num_lanes: lanes, each of which has a segment.
     """
 
     __slots__ = ("_around", "_table")
@@ -102,7 +101,6 @@ class SegmentCells(SegmentSearch):
 
         Args:
             keys: (k,) int64, of the cells.
-            has_height: the places have heights.
 
         Returns:
             (m,) int64, index of the cell, rising, and (m,) int64, the segments of each in rising order.

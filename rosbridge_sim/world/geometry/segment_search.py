@@ -104,7 +104,6 @@ class SegmentSearch:
 
     Args:
         segments: at least one.
-        num_lanes: lanes, each of which has a segment.
     """
 
     __slots__ = (

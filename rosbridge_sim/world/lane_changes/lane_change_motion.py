@@ -89,7 +89,6 @@ def lateral_in_shift(
     """Return the lateral acceleration that drivers accept of bends while they change lanes, (k,) [m/s^2].
 
     Args:
-        parameters: of all drivers.
         which: (k,) int64, indices of those drivers.
         speed: (k,) [m/s].
         across: (k,) by which they shift; not negative [m].

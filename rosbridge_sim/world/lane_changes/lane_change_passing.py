@@ -84,7 +84,6 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
 
     Args:
         world: read only.
-        shifts: the vehicles.
         speed: (k,) of them, at present or as it may be [m/s].
     """
     return np.asarray(np.isinf(find_blocked(world, shifts, speed)))
@@ -97,7 +96,6 @@ def find_blocked(world: World, shifts: Shifts, speed: FloatArray) -> FloatArray:
 
     Args:
         world: read only.
-        shifts: the vehicles.
         speed: (k,) of them, at present or as it may be [m/s].
     """
     speed = np.fmax(speed, CREEP)
@@ -141,7 +139,6 @@ def _find_edges(world: World, shifts: Shifts, which: IntArray) -> tuple[IntArray
 
     Args:
         world: read only.
-        shifts: the vehicles.
         which: (m,) int64, some of them.
 
     Returns:

@@ -106,7 +106,6 @@ class LaneChanges:
         It is less while they change lanes, and before a change that they must make: they slow down for it.
 
         Args:
-            parameters: of all of them.
             speed: (n,) [m/s].
         """
         lateral = parameters.lateral
@@ -137,7 +136,6 @@ class LaneChanges:
 
         Args:
             drivers: all of them; `claim` is written.
-            perception: theirs.
             desired_speed: (k,) the desired speed or the safe one, whichever is lower [m/s].
             accel: (k,) that they chose without regard to lane changes [m/s^2].
             decision: number of the decision, one for all or (k,).

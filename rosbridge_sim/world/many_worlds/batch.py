@@ -232,7 +232,6 @@ class Batch(World):
 
     Args:
         like: a world like all those of the batch, as `world_set` finds them.
-        num: slots to begin with.
     """
 
     def __init__(self, like: OneOfMany, num: int) -> None:

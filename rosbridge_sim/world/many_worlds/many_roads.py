@@ -44,7 +44,6 @@ class ManyRoads(Roads):
         num: number of worlds.
 
     Args:
-        roads: of the map.
         num: see above.
     """
 

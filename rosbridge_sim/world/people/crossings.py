@@ -61,7 +61,6 @@ def find_crossings(segments: Segments, roads: Roads, plan: SignalPlan, side: flo
 
     Args:
         segments: of the path, (m, 10); see `paths`.
-        plan: their lights.
         side: those who follow the path walk at most so far to the right of it [m].
     """
     length = float(segments[-1, END])

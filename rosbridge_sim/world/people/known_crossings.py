@@ -65,10 +65,6 @@ class KnownCrossings:
     def of(self, worlds: Sequence[World], uids: Sequence[int]) -> tuple[IntArray, Crossings]:
         """Return the crossings of the paths of entities.
 
-        Args:
-            worlds: of each entity, on these roads.
-            uids: of the entities.
-
         Returns:
             How many each has, (k,) int64, and all of them end to end.
         """

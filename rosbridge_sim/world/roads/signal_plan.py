@@ -209,7 +209,6 @@ class SignalPlan:
 
         Args:
             roads: the lanes that the lights control.
-            lights: all lights of the map.
             controllers: those of its intersections. A light that two of them name belongs to the first.
             together: rows of lights that belong together without a controller.
             passes: for each lane a sum of the lamps that allow to enter it; None for GREEN everywhere. Where the light

@@ -70,7 +70,6 @@ class StopLines:
         """Return the stop lines that points have come over in the lanes' direction.
 
         Args:
-            signals: the lights of these roads.
             first: (k,) places before the step, east + i north [m].
             last: (k,) places after it [m].
             heading: (k,) unit vectors; who comes over a line backwards has not passed it.
@@ -116,7 +115,6 @@ def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray, first: IntArr
     those who cannot stop.
 
     Args:
-        signals: their lights.
         lane: (m,) int64, rows of the lanes that end at the lines.
         first: (m,) int64, where in `signals.shown` the lights begin that count.
 

@@ -80,9 +80,6 @@ class TurnKinds:
 
         A number from 0 to below `ONE` chooses the first successor of lane `i` whose bound is above the number plus
         `i * ONE`. Where a lane has only turns with share 0, all of them are equally likely.
-
-        Args:
-            shares: of the kinds.
         """
         if self._bounds is None or self._bounds[0] != shares:
             self._bounds = shares, self._find_bounds(shares)

@@ -39,7 +39,6 @@ def salt_of(seed: int, uid: IntArray) -> npt.NDArray[np.uint64]:
     """Return 64 bits for each entity, in which worlds of different seeds differ.
 
     Args:
-        seed: of the world.
         uid: (k,) int64, ids of entities.
     """
     return mix(uid.astype(np.uint64) + np.uint64(seed * _SEED_FACTOR % 2**64))
@@ -49,7 +48,6 @@ def salt_of_seeds(seeds: Sequence[int], which: IntArray, uid: IntArray) -> npt.N
     """Return the same for entities of many worlds.
 
     Args:
-        seeds: of the worlds.
         which: (k,) int64, the world of each entity.
         uid: (k,) int64, ids of entities.
     """

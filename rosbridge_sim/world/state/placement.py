@@ -179,7 +179,6 @@ def set_ghost(world: World, row: int, *, is_ghost: bool) -> None:
     Args:
         world: written in place.
         row: any row in use.
-        is_ghost: what it is from now on.
     """
     if world.is_ghost.item(row) != is_ghost:
         world.is_ghost[row] = is_ghost

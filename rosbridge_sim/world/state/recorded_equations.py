@@ -91,7 +91,6 @@ class EquationRecorder:
 
         Args:
             program: gets the calls.
-            results: values to keep.
             targets: (k,) arrays that take these; written after all other calls.
         """
         last_use = {index: i for i, (_, args, _) in enumerate(self._calls) for index in args}

@@ -41,7 +41,6 @@ def settle_on(arrays: EntityArrays, rows: IntArray, ground: Ground) -> None:
     Args:
         arrays: written in place.
         rows: (k,) int64, rows in use.
-        ground: below them.
     """
     arrays.z[rows] = ground.height
     free = rows[~(arrays.has_path[rows] | arrays.has_lane[rows])]

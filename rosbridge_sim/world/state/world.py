@@ -168,8 +168,6 @@ class World(RowWorlds):
         follows the path (see `paths`), and at the end it stops or, with `is_loop`, begins again.
 
         Args:
-            body: its size and its limits.
-            name: any text.
             x: reference point, east [m].
             y: reference point, north [m].
             z: reference point, up [m]. On a map with hills the entity is put onto the ground, and this chooses between
@@ -376,7 +374,6 @@ class World(RowWorlds):
         Entities are put onto the new ground, if it is not flat.
 
         Args:
-            roads: the new lanes.
             plan: their traffic lights; None for none.
 
         Raises:

@@ -58,9 +58,6 @@ class Script:
 
     Attributes:
         given: the numbers that the function gets.
-
-    Args:
-        num: how many these are.
     """
 
     def __init__(self, num: int) -> None:

@@ -159,7 +159,6 @@ def _write_advance(
 
     Args:
         dt: length of a step [s].
-        is_stable: with stability control.
         has_controller: `jerk_limit` is positive: the controller presses the pedals.
 
     Returns:

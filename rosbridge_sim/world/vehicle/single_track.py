@@ -192,7 +192,6 @@ def make_car(do: Operators[V], body: Sequence[V], limits: Sequence[V], dt: float
         body: the columns `front_load` to `engine_drag`.
         limits: the columns `wheelbase` to `drag`.
         dt: length of a step [s].
-        is_stable: with stability control.
     """
     front_load, cg_height, dynamic_index, front_stiffness, rear_stiffness, grip, grip_along = body[:7]
     front_drive, pitch, roll, launch_accel, power, top_speed, air_drag, engine_drag = body[7:]

@@ -35,7 +35,6 @@ def read_tyres(world: World, row: int, axle: Literal["front", "rear"]) -> TyreRe
     Args:
         world: read only.
         row: row of an EGO.
-        axle: of the wheel.
     """
     if world.dynamics == Dynamics.KINEMATIC:
         return NO_TYRES
