@@ -70,6 +70,10 @@ TESTS = {
         "simulator/sim_services/test_forged_snapshots.py simulator/sim_services/test_traffic_demand.py "
         "simulator/snapshots"
     ),
+    "simulator/snapshots/snapshot_checks.py": (
+        "simulator/sim_services/test_forged_snapshots.py simulator/sim_services/test_traffic_demand.py "
+        "simulator/snapshots"
+    ),
     "graph/topic_table.py": "graph",
     "graph/delivery.py": "graph",
     "graph/service_table.py": "graph",

@@ -9,6 +9,7 @@ from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.snapshot_bytes import SnapshotHead
 from rosbridge_sim.simulator.snapshots.node_state import SavedState
+from rosbridge_sim.simulator.snapshots.snapshot_checks import Refusal
 
 MAX_SNAPSHOTS: Final = 100
 """Snapshots that are kept: a person or a search keeps a few dozen branches."""
@@ -32,14 +33,6 @@ class Kept(Record):
     state: SavedState
     head: SnapshotHead
     size: int
-
-
-class Refusal(Exception):  # noqa: N818 - it is no failure
-    """Why a request is not carried out, with the kind of reason."""
-
-    def __init__(self, text: str, reason: Reason) -> None:
-        super().__init__(text)
-        self.reason = reason
 
 
 class KeptSnapshots:

@@ -33,27 +33,19 @@ from rosbridge_sim.simulator.plain.plain_bytes import PlainData, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import FoundMap, Load, MapKey
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneAction, SceneCommand
-from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES
 from rosbridge_sim.simulator.snapshots.saved_loads import (
     Maps,
     pack_action,
     unpack_action,
     unpack_load,
 )
-from rosbridge_sim.simulator.sync.sync_table import MAX_AHEAD, MAX_WAITING_COMMANDS
+from rosbridge_sim.simulator.snapshots.snapshot_checks import check_egos, check_numbers
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.saved_world import from_plain, to_plain
-from rosbridge_sim.world.state.entity_arrays import INTS
-from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_UID, Kind, Snapshot, World
+from rosbridge_sim.world.state.world import Snapshot, World
 
 Plans: TypeAlias = Callable[[RoadMap], SignalPlan]
 """Gives the traffic lights of a map."""
-
-MAX_LAMPS: Final = (2, 1)
-"""Greatest turn and emergency signal, see `Ego`."""
-
-MAX_ORIGIN: Final = 10 * MAX_COORDINATE
-"""Greatest figure of an ego's `odom_origin` [m, rad]; it may lie beyond `MAX_COORDINATE`, unlike an ego."""
 
 NUM_TRIALS: Final = 2
 """Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""
@@ -242,13 +234,7 @@ class NodeState:
             raise DocumentError(f"world: expected the settings {flags} of this simulator")
         next_uid = read_as(int, fields.get("next_uid"), "next_uid")
         entries = read_as(tuple[tuple[int, str, tuple[Any, ...]], ...], fields.get("waiting"), "waiting")
-        if (
-            len(entries) > MAX_WAITING_COMMANDS
-            or len(world.uids) > MAX_ENTITIES
-            or not 0 < next_uid <= MAX_UID + 1
-            or not all(0 <= frame <= world.frame + MAX_AHEAD for frame, _, _ in entries)
-        ):
-            raise DocumentError(f"state: expected at most {MAX_WAITING_COMMANDS} commands, and an id to go on with")
+        check_numbers([frame for frame, _, _ in entries], world, next_uid)
         components = read_as(dict[str, Any], fields.get("components"), "components")
         known = [self._context.scene.loaded]
         names = [type(one).__name__ for one in self._components]
@@ -257,12 +243,15 @@ class NodeState:
         loaded = unpack_load(fields.get("loaded"), maps, known)
         if loaded.spawn_points and not loaded.is_on(road_map):
             raise DocumentError("loaded: expected spawn points on the map in use")
+        check_finite(fields.get("egos"), "egos")
+        egos = read_as(tuple[EgoState, ...], fields.get("egos"), "egos")
+        check_egos(egos, world, self._context.egos.sensor_frames)
         return SavedState(
             world=world,
             found=FoundMap(key.name, road_map),
             loaded=loaded,
             next_uid=next_uid,
-            egos=_read_egos(fields.get("egos"), world, self._context.egos.sensor_frames),
+            egos=egos,
             waiting=tuple([(frame, source, unpack_action(action, maps, known)) for frame, source, action in entries]),
             components=components,
         )
@@ -358,31 +347,6 @@ def _hash(world: World, found: FoundMap, loaded: Load, rest: _Rest) -> str:
 def _models_of(world: World | Snapshot) -> tuple[object, ...]:
     """Return the settings of a world's models, which no snapshot changes."""
     return world.dynamics, world.is_creeping, world.has_stability_control, world.has_impacts
-
-
-def _read_egos(data: object, world: Snapshot, sensor_frames: tuple[str, ...]) -> tuple[EgoState, ...]:
-    """Return the egos of a state.
-
-    Raises:
-        DocumentError: they are not the egos of its world.
-    """
-    check_finite(data, "egos")
-    egos = read_as(tuple[EgoState, ...], data, "egos")
-    rows, kinds = dict(world.uids), world.ints[INTS.index("kind")]
-    indices, uids = {ego.index for ego in egos}, {ego.uid for ego in egos}
-    is_good = (
-        0 < len(egos) == len(indices) == len(uids) <= MAX_EGOS
-        and (egos[0].index, egos[0].uid) == (FIRST_EGO, FIRST_EGO)
-        and all(FIRST_FREE_EGO <= ego.index <= MAX_UID for ego in egos[1:])
-        and all(ego.uid in rows and kinds[rows[ego.uid]] == Kind.EGO for ego in egos)
-        and all(tuple(name for name, _ in ego.mountings)[: len(sensor_frames)] == sensor_frames for ego in egos)
-        and all(len(ego.mountings) == len(dict(ego.mountings)) for ego in egos)
-        and all(abs(figure) <= MAX_ORIGIN for ego in egos for figure in ego.odom_origin)
-        and all(0 <= lamp <= most for ego in egos for lamp, most in zip(ego.lamps, MAX_LAMPS, strict=True))
-    )
-    if not is_good:
-        raise DocumentError("egos: expected the egos of the world, each with its sensors and lamps")
-    return egos
 
 
 def _notify_nobody(level: str, text: str) -> None:

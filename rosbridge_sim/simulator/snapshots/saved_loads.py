@@ -14,7 +14,7 @@ from typing import Any, Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenarios.scenario import PhaseStart, Spawn
-from rosbridge_sim.scenarios.spawn_points import MAX_AT_ONCE, SpawnPoint
+from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkSettings, read_choices
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
@@ -27,8 +27,7 @@ from rosbridge_sim.simulator.scene.scene_commands import (
     SceneAction,
     ShiftEgo,
 )
-from rosbridge_sim.world.drivers.lane_position import MAX_LATERAL
-from rosbridge_sim.world.state.entity_types import MAX_COORDINATE
+from rosbridge_sim.simulator.snapshots.snapshot_checks import check_load
 
 MAX_VALUES: Final = 3_000_000
 """Values in a prepared load: 20,000 objects have some 95 each, and the points of 200,000 pieces of paths 4 each."""
@@ -70,7 +69,7 @@ def unpack_load(data: object, maps: Maps, known: Iterable[Load] = ()) -> Load:
     phases = read_as(tuple[PhaseStart, ...], fields.get("phases"), "load.phases")
     points = read_as(tuple[SpawnPoint, ...], fields.get("spawn_points"), "load.spawn_points")
     load = Load(name, egos, others, is_clearing, key.name, maps(key), phases, points)
-    _check(load)
+    check_load(load)
     return load
 
 
@@ -122,46 +121,3 @@ def _plain_network(settings: NetworkSettings) -> PlainData:
 def _read_network(data: object) -> NetworkSettings:
     tables = read_as(dict[str, Any], data, "command.network")
     return NetworkSettings(**{kind.value: read_choices(kind, tables.get(kind.value)) for kind in InterfaceKind})
-
-
-def _check(load: Load) -> None:
-    """Check what `Scene.carry_out` relies on, because `Scene.prepare` has checked it.
-
-    Raises:
-        DocumentError: a place or a phase that the map does not have.
-    """
-    roads, plan = load.road_map.roads, load.road_map.plan
-    for spawn in (*load.egos, *load.others):
-        driver = spawn.driver
-        if driver is not None and not (
-            all(0 <= lane < len(roads) for lane in (driver.lane, *driver.route))
-            and 0.0 <= driver.s <= roads.length[driver.lane]
-            and driver.desired_speed >= 0.0
-            and abs(driver.lateral) <= MAX_LATERAL
-        ):
-            raise DocumentError("load.driver: expected lanes of the map")
-        if not 0.0 <= spawn.start_within <= MAX_COORDINATE:
-            raise DocumentError("load.start_within: expected a distance")
-        if not spawn.is_placed or spawn.link is not None:
-            raise DocumentError("load.is_placed: expected places")
-    for point in load.spawn_points:
-        if not (
-            0 <= point.lane < len(roads)
-            and -1 <= point.goal_lane < len(roads)
-            and 0.0 <= point.s <= roads.length[point.lane]
-            and point.models
-            and 0 <= point.num <= MAX_AT_ONCE
-            and all(0.0 <= low <= high for low, high in (point.period, point.speed, point.desired_speed))
-            and point.period[1] <= MAX_COORDINATE
-            and -1.0 <= point.wait <= MAX_COORDINATE
-            and point.gap >= 0.0
-            and point.time >= 0.0
-            and -MAX_LATERAL <= point.lateral[0] <= point.lateral[1] <= MAX_LATERAL
-        ):
-            raise DocumentError("load.spawn_points: expected places and times within their bounds")
-    phases: dict[str, int] = {}
-    if plan is not None:
-        phases = {one.name: int(num) for one, num in zip(plan.controllers, plan.num_phases, strict=True)}
-    for start in load.phases:
-        if not (0 <= start.phase < phases.get(start.controller, 0) and 0.0 <= start.elapsed <= MAX_COORDINATE):
-            raise DocumentError("load.phases: expected phases of the map's intersections")

@@ -20,8 +20,8 @@ from functools import partial
 from hashlib import blake2b
 from typing import Any, Final, TypeVar
 
-from rosbridge_sim.errors import DocumentError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import Participant, check_reading, explain
+from rosbridge_sim.errors import DocumentError, PeerError, Reason
+from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
@@ -40,8 +40,15 @@ from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, 
 from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
 from rosbridge_sim.simulator.replays.replayed_plans import without_denied_plans
 from rosbridge_sim.simulator.scene.load import Library, MapKey
-from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptSnapshots, Refusal
+from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptSnapshots
 from rosbridge_sim.simulator.snapshots.node_state import NodeState, Plans, SavedState
+from rosbridge_sim.simulator.snapshots.snapshot_checks import (
+    Refusal,
+    check_head,
+    check_may_read,
+    check_may_restore,
+    check_may_save,
+)
 from rosbridge_sim.world.saved_world import LAYOUT
 
 LARGE: Final = 2**20
@@ -170,9 +177,9 @@ class Snapshots(Component):
         struct_type = call.service.type.response.struct_type
         try:
             if request.with_data:
-                self._check_may_read(call.caller)
+                check_may_read(call.caller, self._publishers)
             name = self._kept.choose_name(request.id)
-            self._check_may_save()
+            check_may_save(self._context)
             self._kept.check_number(name)
             state = self._state.save()
             size = state.size
@@ -228,30 +235,6 @@ class Snapshots(Component):
         """
         return self._state.hash if size < LARGE else partial(self._state.hash_of, state)
 
-    def _check_may_save(self) -> None:
-        """Check that there is a state between two frames.
-
-        Raises:
-            Refusal: there is none.
-        """
-        if self._context.stepper.is_moving:
-            raise Refusal("the world is moving: take a snapshot between two frames", Reason.NOT_NOW)
-        if self._context.sync.has_unready:
-            raise Refusal("a scenario is being read: try again when it has been", Reason.NOT_NOW)
-
-    def _check_may_read(self, caller: Participant) -> None:
-        """Check that a client may have the bytes of a snapshot.
-
-        Raises:
-            Refusal: it must not subscribe to a topic of the simulator.
-        """
-        for name, type_name in self._publishers.types:
-            try:
-                check_reading(caller, name, type_name)
-            except GraphError as error:
-                text = f"with_data: {error}, and the bytes tell what it does; take the snapshot without them"
-                raise Refusal(text, error.reason) from None
-
     def _make_head(self, state: SavedState) -> Callable[[str], SnapshotHead]:
         """Return a function that makes the head of a snapshot from the hash of its state."""
         context, recording = self._context, self._replay.recording_key
@@ -291,7 +274,7 @@ class Snapshots(Component):
     def _restore(self, call: Call, now: float) -> None:
         request: Any = call.request
         try:
-            self._check_may_restore(request.user_id)
+            check_may_restore(self._context, request.user_id)
             if bool(request.id) == bool(request.data):
                 raise Refusal("expected either id or data", Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
             restoration = _Restoration(call, request.user_id)
@@ -316,46 +299,6 @@ class Snapshots(Component):
             restoration.data, restoration.is_foreign = data, own is None
             restoration.maps = self._state.save().maps
 
-    def _check_may_restore(self, user_id: str) -> None:
-        """Check that nothing stands in the way of a restore by this client.
-
-        Raises:
-            Refusal: it does not have the id of the master or of a member of the barrier, or frames are being computed.
-        """
-        context, sync = self._context, self._context.sync
-        if context.failure.why is not None:
-            raise Refusal(context.failure.why, Reason.REFUSED)
-        if context.stepper.is_moving:
-            raise Refusal("the world is moving: restore between two frames", Reason.NOT_NOW)
-        if context.barrier.is_on:
-            outcome = context.barrier.ask_restore(user_id)
-            if not outcome.is_accepted:
-                raise Refusal(context.barrier.why(outcome), outcome.reason)
-        elif sync.is_on and not sync.is_master(user_id):
-            if not sync.master_id:
-                raise Refusal("there is no master: start synchronous mode first", Reason.NO_MASTER)
-            raise Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
-        if sync.num_ticks:
-            raise Refusal("ticks or steps are waiting for their turn: restore when they are done", Reason.NOT_NOW)
-
-    def _check_fits(self, head: SnapshotHead) -> None:
-        """Check that a snapshot was made by a simulator like this one.
-
-        Raises:
-            Refusal: it was not.
-        """
-        if head.layout != LAYOUT:
-            raise Refusal("the snapshot was made by another version of rosbridge-sim", Reason.WRONG_VALUE)
-        if head.definitions != self._definitions:
-            raise Refusal("the snapshot was made with the messages of another release (--release)", Reason.WRONG_VALUE)
-        profile = repr(self._context.convert.profile)
-        if head.profile != profile:
-            text = f"the snapshot was made with other units and orders: {head.profile[:200]}; here they are {profile}"
-            raise Refusal(text, Reason.WRONG_VALUE)
-        if head.dynamics != self._dynamics:
-            text = f"the snapshot was made with {head.dynamics[:200]!r}; here it is {self._dynamics!r}"
-            raise Refusal(text, Reason.WRONG_VALUE)
-
     @property
     def _dynamics(self) -> str:
         """The settings of the models, as on the command line."""
@@ -376,7 +319,7 @@ class Snapshots(Component):
         if restoration.head is None:
             self._read(restoration, partial(_decode, restoration.data), restoration.take_decoded, now)
             return
-        self._check_fits(restoration.head)
+        check_head(restoration.head, self._definitions, repr(self._context.convert.profile), self._dynamics)
         missing = restoration.missing_maps
         key = restoration.recording_key
         if key is not None and restoration.recording is None:
@@ -445,7 +388,7 @@ class Snapshots(Component):
         try:
             add()
             if not restoration.call.is_done:  # given up, or the client has left: nobody wants it any longer
-                self._check_may_restore(restoration.user_id)
+                check_may_restore(self._context, restoration.user_id)
                 self._gather(restoration, now)
         except (Refusal, PeerError, DocumentError) as error:
             self._refuse(restoration.call, error)
