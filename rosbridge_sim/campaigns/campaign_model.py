@@ -90,7 +90,7 @@ class ParameterItem(Table, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         """Check that the keys fit each other."""
         has_range = self.low is not None and self.high is not None
-        if (self.values is None) == (not has_range) and self.values is None:
+        if self.values is None and not has_range:
             raise ValueError("expected a list of values, or low and high")
         if self.values is not None and (self.low, self.high, self.num) != (None, None, None):
             raise ValueError("expected values or a range; got both")

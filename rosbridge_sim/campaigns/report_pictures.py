@@ -58,7 +58,7 @@ def draw_scene(trace: Mapping[str, Sequence[float]], scene: Mapping[str, Any], l
 
 
 def _last_boxes(scene: Mapping[str, Any]) -> Iterable[Sequence[float]]:
-    neighbours = scene.get("neighbours") or ()
+    neighbours = scene.get("neighbours")
     return neighbours[-1][1] if neighbours else ()
 
 

@@ -54,6 +54,7 @@ def test_runs_are_every_scenario_driver_point_and_seed_in_this_order() -> None:
 def test_one_scenario_with_a_number_of_seeds_is_planned_as_lists_are() -> None:
     campaign = campaign_of('scenario = "town"\nseeds = 3')
     assert (campaign.scenarios, campaign.seeds) == (("town",), (0, 1, 2))
+    assert campaign_of('scenario = "town"\nseeds = 1').seeds == (0,)
     assert campaign_of('scenario = "town"\nseeds = [0, 4294967295]').seeds == (0, 4294967295)
 
 
@@ -77,6 +78,7 @@ def test_assignments_are_expressions_over_the_parameters() -> None:
         ('scenario = "town"\n[drivers.a]\nspeed = 2', "exactly one of own, python, policy, command"),
         ('scenario = "town"\n[drivers.a]\npython = "a.py"', "expected FILE.py:NAME"),
         ('scenario = "town"\n[drivers.a]\nown = "lanes"\nbatch = 3', "batch is for python"),
+        ('scenario = "town"\n[drivers.a]\nown = "lanes"\nreal_time = true', "real_time is for drivers with a command"),
         ('scenario = "town"\n[parameters]\nspeed = [1]', "a figure of the drive"),
         ('scenario = "town"\n[parameters]\n"a b" = [1]', "no name for expressions"),
         (

@@ -118,10 +118,11 @@ def test_breach_tells_what_was_expected_and_what_came(limits: dict[str, object],
 
 def test_function_of_the_user_judges() -> None:
     limits: dict[str, object] = {"own": {"mine": {"python": "a.py:f"}}}
-    trace = trace_of(speed=[1.0, 2.0])
+    trace = trace_of(speed=[1.0, 2.0, 1.5], x=[0.0, 0.0, 1.23456])
     assert breaches(limits, trace, mine=lambda _trace: None) == []
-    assert breaches(limits, trace, mine=lambda trace: f"too fast: {trace.column('speed')[-1]}") == [("mine", 0.04)]
+    assert breaches(limits, trace, mine=lambda trace: f"too fast: {trace.column('speed')[-1]}") == [("mine", 0.06)]
     told = judge_trace(trace, read_campaign({"scenario": "town"}, "c").limits, {"long": lambda _trace: "x" * 1_000})
+    assert (told[0].time, told[0].x) == (0.06, 1.23)
     assert len(told[0].text) <= 203  # with the dots
     with pytest.raises(DocumentError, match=r"limits\.own\.mine: expected None, or a text"):
         breaches(limits, trace, mine=lambda _trace: 3)
@@ -136,6 +137,7 @@ def result(number: int, verdict: Verdict = "pass", *, gap: float = 1.0, reason: 
 def test_result_comes_back_from_its_line() -> None:
     for each in (result(1), result(2, "fail", reason="x")):
         assert Result.from_json(each.to_json()) == each
+    assert Result.from_json(replace(result(1), wall=1.23456, cpu=2.34567).to_json()).wall == 1.2346
 
 
 WRONG: dict[str, list[object]] = {

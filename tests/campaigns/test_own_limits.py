@@ -35,6 +35,9 @@ def test_breach_tells_when_where_and_the_values() -> None:
     assert found == [("fast", 0.06, "expected max(/plan.speed) < 20; /plan.speed 21.5, max(/plan.speed) 21.5")]
     (breach,) = own.end()
     assert (breach.x, breach.y) == (3.0, 0.0)
+    exact, _ = judged({"a": {"always": "x < 1"}}, [])
+    exact.take({"time": 0.02, "x": 1.23456, "y": 9.87654})
+    assert [(each.x, each.y) for each in exact.end()] == [(1.23, 9.88)]
 
 
 def test_frames_without_a_value_do_not_count() -> None:

@@ -97,11 +97,6 @@ def test_begins_are_kept_by_scenario_and_seed_and_few_of_them() -> None:
     worlds.step(PEDALS, 13)
     worlds.reset(seeds=[None, 4])
     assert worlds.digests()[0] == fresh[0]
-    same = Worlds(["loop", "roundabout"], seed=[3, 4], traffic=2)
-    for each in (worlds, same):  # the traffic of a world that begins again looks at its own frames
-        each.remove(0, int(each.world(0).uid.max()))
-        each.step(PEDALS, 57)
-    assert worlds.digests() == same.digests()
     assert worlds.seeds == [3, 4]
     with pytest.raises(ValueError, match="seeds: expected 2 numbers"):
         worlds.reset(seeds=[0, -1])
@@ -120,17 +115,6 @@ def test_saved_traffic_goes_on_in_its_own_time() -> None:
         each.step(PEDALS, 45)
         each.step(PEDALS, 2)
     assert worlds.digests() == same.digests()
-
-
-def test_traffic_looks_at_the_same_frames_in_steps_of_any_length() -> None:
-    many, single = Worlds("loop", traffic=6), Worlds("loop", traffic=6)
-    for worlds in (many, single):
-        worlds.step(PEDALS, 13)
-        worlds.remove(0, int(worlds.world(0).uid.max()))
-    many.step(None, 105)
-    for _ in range(105):
-        single.step(None)
-    assert many.digests() == single.digests()
 
 
 def test_ego_has_the_model_that_was_asked_for() -> None:
