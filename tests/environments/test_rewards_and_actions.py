@@ -14,16 +14,17 @@ from rosbridge_sim import Worlds
 from rosbridge_sim.environments.action_kinds import make_action
 from rosbridge_sim.environments.driving_task import CLEAR, DrivingTask
 from rosbridge_sim.environments.judgement import Judgement
-from rosbridge_sim.environments.observations import achieved_goals, desired_goals, observe, space_of
+from rosbridge_sim.environments.observations import achieved_goals, bounds_of, desired_goals, observe, space_of
 from rosbridge_sim.environments.rewards import distance_to_goal, goal_cost, judge, stands_in_bay
 from rosbridge_sim.environments.starts import Starts
 from rosbridge_sim.environments.top_view import draw
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
+from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.world import Body, Gear, Kind
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
-from tests.world.road_factory import ego, road
+from tests.world.road_factory import ego, line, road
 
 EVERY: Any = (slice(None), 0)
 """The first ego of each world."""
@@ -100,6 +101,25 @@ def test_wishes_choose_among_the_speeds_and_stay_within_them() -> None:
     for wrong in ([5, 0], [[0, 0]], [-1, 0], [0.5, 1]):
         with pytest.raises(ValueError, match=r"actions: expected 2 numbers within 0\.\.4"):
             kind.check(wrong, 2)
+
+
+def test_wish_for_another_lane_begins_a_change_at_once() -> None:
+    world = OneOfMany()
+    lines = [line((0, 3.5), (500, 3.5)), line((0, 0), (500, 0))]
+    world.roads = Roads(["l", "r"], lines, [[], []], [3.5, 3.5], [15.0, 15.0], left=[-1, 0], right=[1, -1])
+    ego(world, 50.0, 0.0, speed=10.0)
+    kind = make_action(DrivableWorlds([world]), task(action="DiscreteMeta"), EVERY)  # type: ignore[arg-type]
+    kind.begin(np.array([True]))
+    lanes = []
+    for action in (1, 0):
+        kind.command(kind.check([action], 1))
+        lanes.append(world.roads.ids[int(world.lane[0])])
+    assert lanes == ["r", "l"]
+
+
+def test_speeds_to_choose_from_are_shares_of_the_wanted_one() -> None:
+    assert task(target_speed=20.0).speeds == (10.0, 15.0, 20.0, 25.0)
+    assert task(target_speeds=(3.0, 4.0)).speeds == (3.0, 4.0)
 
 
 # Rewards
@@ -260,6 +280,13 @@ def test_parts_of_an_observation_have_their_shapes() -> None:
     assert {name: part.shape for name, part in space_of(options, worlds).items()} == shapes
     assert seen["Kinematics"][0, 0, 15:17].tolist() == [100.0, 0.0]  # no light within sight
     assert seen["Lidar"][0, 0, :, 0].tolist() == pytest.approx([50.0, 1.75, 50.0, 1.75])
+
+
+def test_bounds_of_others_and_of_cells_are_in_metres_and_metres_a_second() -> None:
+    options = task(num_others=1, grid_size=4.0, grid_step=4.0, num_rays=1)
+    assert bounds_of("Others", options).tolist() == [[1, 100, 100, 40, 40, 1, 1, 20, 5]]
+    assert bounds_of("OccupancyGrid", options).ravel().tolist() == [1, 40, 40, 1]
+    assert bounds_of("Lidar", options).tolist() == [[50, 40]]
 
 
 def test_own_observation_has_figures_of_all_egos() -> None:
