@@ -64,10 +64,10 @@ def test_rays_reach_as_far_as_they_are_long_and_meet_no_border_of_another_level(
 def test_ray_meets_the_nearest_box_and_tells_how_fast_it_goes_away() -> None:
     world = on(road(1000.0))
     ego(world, 500.0 - CENTRE, 0.0, speed=3.0)
+    gone = box(world, 505.0, 0.0)
     box(world, 520.0, 0.0, speed=5.0)
     box(world, 510.0, 0.4, yaw=np.pi / 2, speed=1.0, lateral_speed=-4.0)  # across; it slides forward
     box(world, 480.0, 0.0, yaw=np.pi, speed=2.0)
-    gone = box(world, 505.0, 0.0)
     world.remove(gone)
     ahead, behind = DrivableWorlds([world]).rays(2, 100.0)[0, 0]
     assert ahead == pytest.approx(np.array([9.0, 1.0]))  # 1 m before its middle; 4 - 3 m/s

@@ -99,6 +99,9 @@ def test_lamps_and_plates_are_where_they_belong(shape: Shape, is_coarse: bool) -
         assert (np.abs(middles[:, 1]) > 0.25).all()
         assert middles[:, 2].min() > 0.13
         assert middles[:, 2].max() < 0.6
+        places = body.vertices[body.triangles[body.tints == tint]][..., 0]
+        if tint != Tint.HEAD_LAMP:
+            assert places.min() == pytest.approx(-0.503)  # it stands out from the rear
     plates = middles_of(body, Tint.PLATE)
     assert len(plates) == (0 if is_coarse else 24)
     if not is_coarse:
