@@ -2,27 +2,45 @@
 
 Scenario, map, sensor, campaign and catalogue files share this module. A field has a type with marks (`Annotated` with
 msgspec's `Meta`): bounds, a description, and under `extra` the function that reads other spellings. `document_reading`
-reads documents by these models, and words their mistakes.
+reads documents by these models, `document_mistakes` words their mistakes.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
-from typing import Annotated, Any, ClassVar, Final, Generic, NamedTuple, Self, TypeVar, get_args, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Final,
+    Generic,
+    NamedTuple,
+    Self,
+    TypeAlias,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import msgspec
 from msgspec import Meta
 
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import Record
 
 T = TypeVar("T")
 
 MAX_KEY_SHOWN: Final = 100
 """Longest part of a key that an error or a list shows [characters]; that of no document of ours is as long."""
+
+MAX_VALUE_SHOWN: Final = 40
+"""Longest part of an offending value that an error shows [characters]."""
 
 MAX_NUMBER_TEXT = 40
 """Longest text that is a number [characters]."""
@@ -67,10 +85,44 @@ class DocumentType(Generic[T]):
 
     Attributes:
         form: a model, or a type such as `list[Model]`, with the marks of this module.
+        knows_mistakes: what finds its mistakes was made; see `document_mistakes`.
     """
 
     def __init__(self, form: Any) -> None:  # noqa: ANN401 - a type form
         self.form = form
+        self.knows_mistakes = False
+
+
+Place: TypeAlias = tuple[int | str, ...]
+"""Keys and indices of a value; empty for the document as a whole."""
+
+Where: TypeAlias = Callable[[Place], str]
+"""Returns the text for a place in an error."""
+
+
+class Mistake(Record):
+    """A mistake in a document.
+
+    Attributes:
+        place: of the wrong value.
+        text: one line with the place and the mistake.
+    """
+
+    place: Place
+    text: str
+
+
+def show_json(value: JsonValue) -> str:
+    """Return a value as a short text on one line."""
+    if isinstance(value, dict):
+        return "an object"
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value):,}"
+    if value is None or isinstance(value, bool):
+        return json.dumps(value)
+    words = str(value)
+    short = repr(value if isinstance(value, str | int | float) else words)
+    return " ".join((short if len(words) <= MAX_VALUE_SHOWN else f"{words[:MAX_VALUE_SHOWN]!r}...").split())
 
 
 # Marks
@@ -155,6 +207,24 @@ LenientBool = Annotated[bool, Meta(extra={"read": _read_flag})]
 KeptAsWritten = Any
 """Any JSON value, kept as it is written; a key without effect cannot hold a mistake."""
 
+SCALARS: Final = (float, int, bool, str)
+"""Types of values without parts."""
+
+_BOUNDS: Final = ("ge", "gt", "le", "min_length", "max_length", "description", "extra")
+
+
+def split_marks(form: Any) -> tuple[Any, Meta]:  # noqa: ANN401 - type forms
+    """Return a type without its marks, and one mark with all of them; of several bounds the innermost counts."""
+    if get_origin(form) is not Annotated:
+        return form, Meta()
+    base, *marks = get_args(form)
+    return base, Meta(
+        **{
+            name: next((value for mark in marks if (value := getattr(mark, name)) is not None), None)
+            for name in _BOUNDS
+        }
+    )
+
 
 @cache
 def fields_of(kind: type[Document]) -> dict[str, Any]:
@@ -207,7 +277,7 @@ def keys_beside(kind: type[Document], path: str) -> list[str]:
     """
     for part in path.split("."):
         # A list may be within a list. The last key is unknown and may contain points.
-        inner = _kind_within(fields_of(kind).get(part.rstrip("[]")))
+        inner = kind_within(fields_of(kind).get(part.rstrip("[]")))
         if inner is None:
             break
         kind = inner
@@ -227,13 +297,13 @@ def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> I
                 yield where, keys.idle
                 continue
             yield where, keys.passed_over if field is None and key not in kind.other_keys else keys.read
-            inner = _kind_within(field)
+            inner = kind_within(field)
             if inner is not None:
                 yield from _keys(inner, one, where, keys)
 
 
-def _kind_within(form: object) -> type[Document] | None:
+def kind_within(form: object) -> type[Document] | None:
     """Return the model in a field's type: directly, in a list, or optional; None if there is none."""
     if isinstance(form, type) and issubclass(form, Document):
         return form
-    return next((kind for kind in map(_kind_within, get_args(form)) if kind is not None), None)
+    return next((kind for kind in map(kind_within, get_args(form)) if kind is not None), None)

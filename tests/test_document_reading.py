@@ -59,13 +59,12 @@ OUTER = DocumentType[Outer](Outer)
             {"points": [[1, 2], [3], ["a", 1e13]]},
             [
                 "x: points[1]: expected a list of 2, got a list of 1",
-                "x: points[2][0]: expected a number, got 'a'",
-                "x: points[2][1]: expected at most 1,000,000,000,000, got 10000000000000.0",
             ],
         ),
+        ({"points": [[1, 1e13]]}, ["x: points[0][1]: expected at most 1,000,000,000,000, got 10000000000000.0"]),
         ({"points": [[0, 0]] * 4}, ["x: points: expected at most 3 entries, got a list of 4"]),
         (
-            {"set": {"a": {"hihgh": 1, "high": 0, "word": "gren"}, "b": [1, 2.5], "c\n": "text"}},
+            {"set": {"a": {"low": 0}, "b": [1], "c\n": [2]}},
             ["x: set: expected at most 2 entries, got an object"],
         ),
         (
@@ -98,7 +97,7 @@ def test_numbers_that_stand_for_texts_and_values_that_nothing_reads_are_accepted
 
 
 def test_hundred_mistakes_are_told_and_the_others_counted() -> None:
-    found = find_mistakes(DocumentType[Any](list[Whole]), json.dumps(["a"] * 1_234).encode(), "x", 10_000)
+    found = find_mistakes(DocumentType[Any](list[Inner]), json.dumps([{}] * 1_234).encode(), "x", 10_000)
     assert len(found) == 101
     assert found[-1].text == "x: ... and 1,134 more"
 

@@ -63,7 +63,8 @@ world: records world.contacts world.drivers world.followers world.geometry world
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
 # files of the user
 documents: *
-document_reading: * documents not_json
+document_mistakes: * documents
+document_reading: * document_mistakes documents not_json
 maps: * document_reading documents units world.geometry world.roads world.state
 scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
@@ -84,7 +85,7 @@ simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain si
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
 simulator.sensors: * document_reading documents graph maps morai.messages scenery schema simulator.bus simulator.kernel
     simulator.plain world.geometry world.state world.vehicle
-simulator.sensor_services: * graph morai.messages simulator.bus simulator.kernel simulator.plain
+simulator.sensor_services: * document_reading graph morai.messages simulator.bus simulator.kernel simulator.plain
     simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
@@ -187,6 +188,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "morai": {"msgspec", "numpy", "orjson"},
     "simulator": {"msgspec", "numpy", "orjson"},
     "documents": {"msgspec"},
+    "document_mistakes": {"msgspec", "pydantic", "pydantic_core"},
     "document_reading": {"msgspec"},
     "errors": set(),
     "loose_types": set(),

@@ -20,9 +20,9 @@ asyncio.run(main())
 """
 
 RARE = {
-    *("numpy.ma", "PIL", "pyproj", "rosbags", "markdown_it", "prometheus_client"),
+    *("pydantic", "pydantic_core", "numpy.ma", "PIL", "pyproj", "rosbags", "markdown_it", "prometheus_client"),
     *("difflib", "tomllib", "gzip", "html", "cyclonedds", "moderngl", "pyarrow", "cma"),
-    *("rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.module_joining"),
+    *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.module_joining"),
     *("rosbridge_sim.campaigns", "rosbridge_sim.cli", "rosbridge_sim.environments", "rosbridge_sim.shell.rendering"),
 }
 
@@ -43,7 +43,9 @@ def test_default_server_imports_no_module_that_few_servers_need() -> None:
 
 def test_list_of_results_of_a_campaign_imports_nothing_that_drives() -> None:
     loaded = modules_after("import rosbridge_sim.cli.campaigns.campaign_results")
-    assert loaded & {"numpy", "msgspec", "rosbridge_sim.world", "rosbridge_sim.campaign_runs.worker"} == set()
+    assert (
+        loaded & {"numpy", "pydantic", "msgspec", "rosbridge_sim.world", "rosbridge_sim.campaign_runs.worker"} == set()
+    )
 
 
 @pytest.mark.parametrize("words", [["--help"], ["topic", "echo", "--help"], ["--version"]])
@@ -53,4 +55,6 @@ def test_help_imports_neither_the_world_nor_numpy(words: list[str]) -> None:
         code.replace("\\n", "\n")
         + "\nwith contextlib.suppress(SystemExit), contextlib.redirect_stdout(open(os.devnull, 'w')): m.main()"
     )
-    assert modules_after(code) & {"numpy", "msgspec", "rosbridge_sim.world", "rosbridge_sim.schema"} == set()
+    assert (
+        modules_after(code) & {"numpy", "pydantic", "msgspec", "rosbridge_sim.world", "rosbridge_sim.schema"} == set()
+    )

@@ -17,7 +17,7 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import Mistake, document_schema, find_mistakes, read_document
+from rosbridge_sim.document_reading import document_schema, find_mistakes, read_document
 from rosbridge_sim.documents import (
     MAX_DOCUMENT_COORDINATE,
     Coordinate,
@@ -25,6 +25,7 @@ from rosbridge_sim.documents import (
     DocumentType,
     KeptAsWritten,
     LenientBool,
+    Mistake,
     Number,
     Ratio,
     Whole,

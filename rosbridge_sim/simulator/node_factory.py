@@ -126,7 +126,7 @@ def make_node(
         TrafficLightTopics(context),
         sensors,
         mounted,
-        SensorService(context, mounted),
+        SensorService(context, mounted, reader),
         weather,
         Loads(context, reader, networks, has_traffic=chosen.traffic > 0),
         Services(context),

@@ -22,8 +22,8 @@ from typing import Annotated, Final
 
 from msgspec import Meta, field
 
-from rosbridge_sim.document_reading import Place, check_values, show_json
-from rosbridge_sim.documents import Document, DocumentType
+from rosbridge_sim.document_reading import check_values
+from rosbridge_sim.documents import Document, DocumentType, Place, show_json
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace
@@ -300,6 +300,8 @@ class _Row(Document, frozen=True, kw_only=True):
     @classmethod
     def prepare(cls, value: JsonValue) -> JsonValue:
         """Split the DataIDs, of which there may be none; the first one gives a name and a class that are missing."""
+        if not isinstance(value, dict):
+            return value
         ids = value.get("DataID", [])
         ids = re.split(r"[\s|]+", ids.strip()) if isinstance(ids, str) else ids if isinstance(ids, list) else [ids]
         try:

@@ -6,10 +6,12 @@ import json
 import logging
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Final
 
 import msgspec
 
+from rosbridge_sim.document_reading import MistakeNotReadyError
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
@@ -18,11 +20,13 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_presets import (
     document_of,
+    learn_rig_mistakes,
     parse_object,
     read_rig,
     read_rig_text,
@@ -41,10 +45,15 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class SensorService(Component):
     """The component of the service. It holds no state: that is `MountedSensors`'."""
 
-    def __init__(self, context: SimulatorContext, mounted: MountedSensors) -> None:
-        """Offer nothing yet."""
+    def __init__(self, context: SimulatorContext, mounted: MountedSensors, reader: Reader) -> None:
+        """Offer nothing yet.
+
+        Args:
+            reader: runs what would delay the other clients.
+        """
         self._context = context
         self._mounted = mounted
+        self._reader = reader
         self._make_info = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SensorInfo",
@@ -57,6 +66,15 @@ class SensorService(Component):
         bindings.provide("sim/sensors", "rosbridge_sim_msgs/Sensors", self._serve)
 
     def _serve(self, call: Call, now: float) -> None:
+        try:
+            self._answer(call, now, is_quick=True)
+        except MistakeNotReadyError:  # nothing has changed
+            hold = partial(self._context.sync_driver.hold, call.caller)
+            again = partial(self._answer, call, is_quick=False)
+            then = answering(call.refuse, lambda _, now: again(now))
+            read_while_held(self._reader, learn_rig_mistakes, then, hold, now)
+
+    def _answer(self, call: Call, now: float, *, is_quick: bool) -> None:
         request: Any = call.request
         respond = call.service.type.response.struct_type
         ego = self._context.egos.find(request.ego)
@@ -68,13 +86,15 @@ class SensorService(Component):
         rig, message = self._mounted.rig_of(ego), ""
         try:
             if request.remove or request.add or request.move:
-                self._change(rig, call, now)
+                self._change(rig, call, now, is_quick=is_quick)
+        except MistakeNotReadyError:
+            raise
         except (PeerError, DocumentError) as error:
             message = str(error)
         call.answer(respond(result=not message, message=message, sensors=self._list(rig)))
 
-    def _change(self, rig: EgoRig, call: Call, now: float) -> None:
-        """Remove, add and move sensors.
+    def _change(self, rig: EgoRig, call: Call, now: float, *, is_quick: bool) -> None:
+        """Remove, add and move sensors; `is_quick` as for `read_rig`.
 
         Raises:
             DocumentError: a text is no sensor, or no place.
@@ -91,7 +111,7 @@ class SensorService(Component):
         for name in request.remove:
             _check_removal(rig, name)
             specs = [spec for spec in specs if spec.frame_id != name]
-        added = read_rig_text(request.add, "add") if request.add else ()
+        added = read_rig_text(request.add, "add", is_quick=is_quick) if request.add else ()
         for spec in added:
             if spec.is_on_each_ego:
                 raise FieldError(f"add: {spec.kind}: each ego has one; move {spec.frame_id} instead")
@@ -101,7 +121,7 @@ class SensorService(Component):
         why = self._mounted.why_no_worker(added)
         if why:
             raise FieldError(f"add: {why}")
-        moved = self._read_moves(request.move, {spec.frame_id: spec for spec in specs}, ego)
+        moved = self._read_moves(request.move, {spec.frame_id: spec for spec in specs}, ego, is_quick=is_quick)
         rig.mount(tuple(specs), now)
         ego.mountings |= moved
         self._context.static_tf.announce(now)
@@ -109,7 +129,9 @@ class SensorService(Component):
         if any(spec.has_turns for spec in added) and (why := self._mounted.why_slow):
             call.caller.notify("warning", why)
 
-    def _read_moves(self, texts: Sequence[str], specs: dict[str, SensorSpec], ego: Ego) -> dict[str, Mounting]:
+    def _read_moves(
+        self, texts: Sequence[str], specs: dict[str, SensorSpec], ego: Ego, *, is_quick: bool
+    ) -> dict[str, Mounting]:
         """Return new places by frame.
 
         Raises:
@@ -132,7 +154,7 @@ class SensorService(Component):
                 )
             here = ego.mountings.get(spec.frame_id, spec.mounting)
             table = _place_of(here) | values
-            (checked,) = read_rig(document_of(spec, **table), where)
+            (checked,) = read_rig(document_of(spec, **table), where, is_quick=is_quick)
             moved[spec.frame_id] = checked.mounting
         return moved
 

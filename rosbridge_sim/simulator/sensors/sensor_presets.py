@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import document_schema, parse_json, read_values
+from rosbridge_sim.document_reading import document_schema, learn_mistakes, parse_json, read_values
 from rosbridge_sim.documents import DocumentType, Table
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
@@ -82,17 +82,19 @@ SensorList: Final[Any] = msgspec.defstruct(
 _DOCUMENT: Final = DocumentType[Any](SensorList)
 
 
-def read_rig(document: Mapping[str, Any], source: str) -> Rig:
+def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False) -> Rig:
     """Read a file of ours.
 
     Args:
         source: its name, for errors.
+        is_quick: see `read_values`; `learn_rig_mistakes` is what to call then.
 
     Raises:
         DocumentError: one line with the place, what was expected, and what came; or an ego cannot have these sensors
             together.
+        MistakeNotReadyError: see `is_quick`.
     """
-    sensors = read_values(_DOCUMENT, document, source)
+    sensors = read_values(_DOCUMENT, document, source, is_quick=is_quick)
     rig: list[SensorSpec] = []
     for kind in KINDS:
         found = getattr(sensors, kind.kind)
@@ -115,17 +117,24 @@ def text_of(spec: SensorSpec) -> str:
     return json.dumps(document_of(spec))
 
 
-def read_rig_text(text: str, where: str) -> Rig:
+def read_rig_text(text: str, where: str, *, is_quick: bool = False) -> Rig:
     """Read the JSON of a file of ours.
 
     Args:
         text: JSON.
         where: its name, for errors.
+        is_quick: see `read_rig`.
 
     Raises:
         DocumentError: it is no such text.
+        MistakeNotReadyError: see `is_quick`.
     """
-    return read_rig(parse_object(text, where), where)
+    return read_rig(parse_object(text, where), where, is_quick=is_quick)
+
+
+def learn_rig_mistakes() -> None:
+    """Make what words the mistakes of these files; see `learn_mistakes`."""
+    learn_mistakes(_DOCUMENT)
 
 
 def parse_object(text: str, where: str) -> dict[str, Any]:
