@@ -24,6 +24,7 @@ import io
 import json
 import math
 import re
+from types import NoneType
 from typing import Any, Final
 
 import cbor2
@@ -50,19 +51,22 @@ def read_frame(frame: str | bytes) -> JsonValue:
         return json.loads(frame)
     try:
         return {"$cbor": _plain(cbor2.loads(frame))}
-    except cbor2.CBORDecodeError as error:
+    except (cbor2.CBORDecodeError, TypeError, OverflowError) as error:  # the last two are of odd tags
         raise ValueError(str(error)) from None
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any CBOR value to any JSON value
     if isinstance(value, cbor2.CBORTag):
-        return {"$tag": value.tag, **_plain(value.value)}
+        inner = _plain(value.value)
+        return {"$tag": value.tag, **(inner if isinstance(inner, dict) else {"value": inner})}
     if isinstance(value, bytes):
         return {"$hex": value.hex()}
     if isinstance(value, dict):
-        return {key: _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list):
+        return {str(key): _plain(inner) for key, inner in value.items()}
+    if isinstance(value, (list, tuple)):
         return [_plain(inner) for inner in value]
+    if not isinstance(value, (str, int, float, bool, NoneType)):  # a tag that the library reads, such as a date
+        return str(value)
     return "NaN" if value != value else value  # noqa: PLR0124 - only NaN differs from itself
 
 

@@ -16,8 +16,11 @@ from rosbridge_sim.link.library_log import quiet
 MAX_FRAME = 64 * 2**20
 """Longest frame that is taken from a server [bytes]."""
 
-MAX_WAITING = 10_000
-"""Most frames that wait to be taken; a server that sends more is no longer read."""
+MAX_FRAMES = 20_000
+"""Most frames that a connection takes; behind them it is no longer read."""
+
+MAX_BYTES = 2 * MAX_FRAME
+"""Most bytes that a connection takes."""
 
 CLOSE_TIMEOUT = 1.0
 """Longest wait for the other side's part of a close [s]."""
@@ -80,18 +83,21 @@ class PlainClient:
         return cls(connection, on_frame)
 
     async def _read(self) -> None:
+        num_frames = num_bytes = 0
+        why = ""
         try:
             async for frame in self.connection:
                 if self._on_frame is None or not self._on_frame(frame):
                     self.frames.append(frame)
                 self._changed.set()
-                if len(self.frames) >= MAX_WAITING:
+                num_frames, num_bytes = num_frames + 1, num_bytes + len(frame)
+                if num_frames >= MAX_FRAMES or num_bytes >= MAX_BYTES:
+                    why = f"it sends more than {MAX_FRAMES:,} frames or {MAX_BYTES // 10**6} MB"
                     break
         except ConnectionClosed:
             pass
         finally:
-            close = self.connection.close_code, self.connection.close_reason
-            self.ending = (close[0] or 1006, close[1] or "")
+            self.ending = (self.connection.close_code or 1006, why or self.connection.close_reason or "")
             self._changed.set()
 
     async def send(self, frame: str | bytes) -> None:

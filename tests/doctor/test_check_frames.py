@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 
 import cbor2
@@ -48,6 +49,12 @@ def test_frames_are_written_in_every_form() -> None:
 def test_binary_frame_is_read_as_cbor() -> None:
     frame = cbor2.dumps({"bytes": b"\x01", "data": cbor2.CBORTag(85, b"\x02"), "x": float("nan")})
     assert read_frame(frame) == {"$cbor": {"bytes": {"$hex": "01"}, "data": {"$tag": 85, "$hex": "02"}, "x": "NaN"}}
+
+
+def test_values_of_strange_cbor_are_shown_as_text() -> None:
+    frame = cbor2.dumps({1: dt.date(2026, 1, 2), "big": cbor2.CBORTag(5000, [1])})
+    value = read_frame(frame)
+    assert json.loads(json.dumps(value)) == {"$cbor": {"1": "2026-01-02", "big": {"$tag": 5000, "value": [1]}}}
 
 
 @pytest.mark.parametrize("frame", ["{", b"\xa3\x01"])

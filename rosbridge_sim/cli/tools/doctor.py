@@ -20,7 +20,7 @@ from pathlib import Path
 from websockets.exceptions import WebSocketException
 
 from rosbridge_sim.cli.tools import connection_checks
-from rosbridge_sim.cli.tools.examined_server import ExaminedServer, find_server
+from rosbridge_sim.cli.tools.examined_server import ExaminedServer
 from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_table
 from rosbridge_sim.doctor.check import Check, prepared, read_checks
 from rosbridge_sim.doctor.check_report import Report, junit, markdown, read_baseline, terminal_lines, to_json
@@ -145,9 +145,9 @@ async def examine_server(
 
 @asynccontextmanager
 async def _server(url: str, token: str | None, patience: float, ros: int | None) -> AsyncIterator[ExaminedServer]:
-    prefix = f"/doctor_{secrets.token_hex(3)}"
-    server = await find_server(url, token, patience, prefix, ros)
+    server = ExaminedServer(url, token, patience, f"/doctor_{secrets.token_hex(3)}")
     try:
+        await server.find_out(ros)
         yield server
     finally:
         await server.close()

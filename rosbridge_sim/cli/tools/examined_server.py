@@ -76,17 +76,20 @@ class ExaminedServer:
         self.settling = 0.0
         self.has_answers = True
         self._numbers = itertools.count(1)
-        self._asker: LiveClients
+        self._asker = LiveClients(self)
         self._known_types: dict[tuple[str, str], bool] = {}
         self._asking = asyncio.Lock()
 
     async def find_out(self, ros: int | None) -> None:
         """Find out what it is.
 
+        Args:
+            ros: 1 or 2; None finds it out, too.
+
         Raises:
-            BridgeError: it has closed the connection.
+            OSError, ValueError, WebSocketException: there is no connection; see `why_not`.
+            BridgeError: it has closed the connection, or needs a token.
         """
-        self._asker = LiveClients(self)
         await self._asker.connect("doctor")
         answer = await self.call("/rosapi/get_time")
         self.has_answers = answer is not None
@@ -95,7 +98,7 @@ class ExaminedServer:
         ending = (await self._asker.connect("doctor")).ending
         if ending is not None:
             code, reason = ending
-            raise BridgeError(f"{shown_url(self.url)}: the server has closed the connection ({code}): {safe(reason)}")
+            raise BridgeError(f"{shown_url(self.url)}: the connection has ended ({code}): {safe(reason)}")
         self.ros = ros or await self._find_ros()
         self.settling = await self._find_settling()
         kind = f"rosbridge of ROS {self.ros}" if self.ros else "rosbridge that does not tell its ROS"
@@ -168,25 +171,6 @@ class ExaminedServer:
     async def close(self) -> None:
         """Close the doctor's own connection."""
         await self._asker.close_all()
-
-
-async def find_server(url: str, token: str | None, patience: float, prefix: str, ros: int | None) -> ExaminedServer:
-    """Connect to a server and find out what it is.
-
-    Args:
-        url: full URL.
-        token: token of the server; None sends none.
-        patience: longest wait for a frame [s].
-        prefix: namespace for the names of all checks.
-        ros: 1 or 2; None finds it out.
-
-    Raises:
-        OSError, ValueError, WebSocketException: there is no connection; see `why_not`.
-        BridgeError: the server has closed it.
-    """
-    server = ExaminedServer(url, token, patience, prefix)
-    await server.find_out(ros)
-    return server
 
 
 class LiveClients:

@@ -5,16 +5,20 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET
 
 import pytest
 import pytest_asyncio
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.cli.tools.doctor import all_checks
-from tests.cli.tool_fixture import Result, other_server, run
+from rosbridge_sim.link import plain_client
+from tests.cli.tool_fixture import Result, other_server, run, talking_server
 from tests.cli.wrong_server import FAULTS, Fault, wrong_server
 from tests.support import PATIENCE
 
@@ -72,6 +76,31 @@ async def test_server_without_rosapi_is_examined() -> None:
     assert done.code == 1
     assert check["verdict"] == "missing"
     assert check["came"] == []
+
+
+@pytest.mark.parametrize(
+    "rubbish", ["{", "[1]", '{"op": 5}', "9" * 5000, "[" * 5000, b"\xc1\xfb" + b"\x7f" * 8, b"\xff"]
+)
+async def test_server_that_answers_rubbish_is_examined(rubbish: str | bytes) -> None:
+    async with other_server(lambda _frame: [rubbish, rubbish]) as wrong:
+        done = await doctor(wrong, "--only", "topics/message-keys", "--timeout", "0.05")
+    assert done.code == 1
+    assert "topics/message-keys" in done.out
+    assert done.err == ""
+
+
+async def test_server_that_never_stops_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plain_client, "MAX_FRAMES", 50)
+
+    async def flood(connection: ServerConnection) -> None:
+        with suppress(ConnectionClosed):
+            while True:
+                await connection.send('{"op": "publish", "topic": "/flood", "msg": {}}')
+
+    async with talking_server(flood) as wrong:
+        done = await doctor(wrong, "--only", "topics/message-keys", "--timeout", "0.05")
+    assert done.code == 2
+    assert done.complaint == f"{wrong}: the connection has ended (1006): it sends more than 50 frames or 134 MB"
 
 
 async def test_server_that_denies_names_is_examined() -> None:
