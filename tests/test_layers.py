@@ -47,7 +47,7 @@ graph.tf: * graph schema
 graph.attach: * graph protocol schema schema.definitions
 graph.gateway: * graph schema
 graph.ros1: * graph graph.gateway schema schema.definitions
-graph.ros2: * graph.gateway schema schema.definitions
+graph.ros2: * graph graph.gateway schema schema.definitions
 # the world
 world.geometry: records
 world.roads: records world.geometry

@@ -50,7 +50,7 @@ _FIELDS: Final = {
 }
 """Field of rcl_interfaces/ParameterValue that has the value of each type."""
 
-_SAME_AS: Final = {
+SAME_AS: Final = {
     "describe_parameters": "get_param",
     "get_parameter_types": "get_param",
     "get_parameters": "get_param",
@@ -60,7 +60,10 @@ _SAME_AS: Final = {
 }
 """Service of a node -> the service of rosapi that does the same; patterns for that one hold for it."""
 
+_ARRAYS: Final = frozenset({_BYTES, _BOOLS, _INTEGERS, _DOUBLES, _STRINGS})
+
 _MAX_INTEGER: Final = 2**63
+_BYTE: Final = 256
 
 _Struct: TypeAlias = Any
 """A struct made from a definition at run time, so a type checker cannot know its fields."""
@@ -75,9 +78,7 @@ def provide_node_parameters(bus: Bus, policy: Policy, *, is_simulated: bool) -> 
     if bus.store.ros == 1:
         return
     nodes = sorted({owner.name for owner in bus.owners()})
-    same = {
-        f"{node}/{name}": Way(Use.SERVICE, f"/rosapi/{other}") for node in nodes for name, other in _SAME_AS.items()
-    }
+    same = {f"{node}/{name}": Way(Use.SERVICE, f"/rosapi/{other}") for node in nodes for name, other in SAME_AS.items()}
     policy.ways.add(lambda: (), lambda way: [same[way.name]] if way.use is Use.SERVICE and way.name in same else [])
     for node in nodes:
         _NodeParameters(bus, policy, node).provide(is_simulated=is_simulated)
@@ -175,13 +176,7 @@ class _NodeParameters:
 
     def _typed(self, text: str) -> _Struct:
         """Return a value of JSON as a parameter; what no type can hold, such as an object, is its JSON text."""
-        value = orjson.loads(text)
-        kind = _kind_of(value)
-        if kind is None:
-            kind, value = _STRING, text
-        elif kind == _DOUBLES:
-            value = [float(each) for each in value]
-        return self._value(**{"type": kind, _FIELDS[kind]: value})
+        return self._value(**fields_of(text))
 
     # Writing
 
@@ -206,7 +201,7 @@ class _NodeParameters:
         name = self._full_name(parameter.name)
         if parameter.name == _READ_ONLY:
             raise GraphError(f"parameter '{_READ_ONLY}' cannot be set because it is read-only")
-        return name, _text_of(parameter.value)
+        return name, text_of(parameter.value)
 
     def _full_name(self, name: str) -> str:
         if not name or any(character.isspace() for character in name):
@@ -220,6 +215,29 @@ def _check_number(given: list[Any]) -> None:
     if len(given) > MAX_NAMES:
         text = f"expected {MAX_NAMES} names at most, got {len(given)}"
         raise GraphError(text, reason=Reason.TOO_MUCH)
+
+
+def fields_of(text: str, like: int = 0) -> dict[str, object]:
+    """Return the fields of a rcl_interfaces/ParameterValue for a JSON text.
+
+    Args:
+        text: what no type can hold, such as an object, becomes a string with this text.
+        like: type that the parameter has, since JSON may write 2.0 as 2.
+
+    Raises:
+        orjson.JSONDecodeError: it is no JSON.
+    """
+    value = orjson.loads(text)
+    kind = _kind_of(value)
+    if kind is None:
+        kind, value = _STRING, text
+    if kind == _INTEGER and like == _DOUBLE:
+        kind, value = _DOUBLE, float(value)
+    elif kind == _DOUBLES or (kind == _INTEGERS and like == _DOUBLES):
+        kind, value = _DOUBLES, [float(each) for each in value]
+    elif value == [] or (kind == _INTEGERS and like == _BYTES and all(0 <= each < _BYTE for each in value)):
+        kind = like if like in _ARRAYS else kind
+    return {"type": kind, _FIELDS[kind]: value}
 
 
 def _kind_of(value: object) -> int | None:
@@ -237,7 +255,7 @@ def _kind_of(value: object) -> int | None:
     return _DOUBLE if isinstance(value, float) else _STRING if isinstance(value, str) else None
 
 
-def _text_of(value: _Struct) -> str | None:
+def text_of(value: _Struct) -> str | None:
     """Return the JSON text of a parameter's value; None for type 0, which removes it.
 
     Raises:

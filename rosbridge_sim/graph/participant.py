@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, cast, runtime_checkable
 
@@ -145,6 +145,23 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
         owner.explain(level, text, reason)
     else:
         owner.notify(level, text)
+
+
+@runtime_checkable
+class Standing(Protocol):
+    """An owner that stands for many nodes, those of another graph."""
+
+    def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
+        """Return the names of the nodes with a part in a thing; `name` is that of the topic or service."""
+
+
+NodeRole: TypeAlias = Literal["publisher", "subscriber", "provider", "any"]
+"""Parts that a node has in a topic or a service; `any` is for all nodes, whatever the thing."""
+
+
+def node_names_of(owner: Participant, role: NodeRole, name: str = "") -> Iterable[str]:
+    """Return the names of the nodes that an owner is or stands for, as far as they have a part in a thing."""
+    return cast("Standing", owner).nodes(role, name) if _has(type(owner), Standing) else (owner.name,)
 
 
 @runtime_checkable

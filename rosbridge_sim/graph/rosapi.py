@@ -18,7 +18,7 @@ import orjson
 from rosbridge_sim.errors import GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.parameters import MAX_PARAMETERS, MAX_VALUE_PARTS
-from rosbridge_sim.graph.participant import Participant, resolve
+from rosbridge_sim.graph.participant import NodeRole, Participant, node_names_of, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
 from rosbridge_sim.protocol.body_limits import BodyLimits
@@ -169,11 +169,15 @@ class Rosapi:
 
     def _publishers(self, request: _Request) -> _Fields:
         topic = self._find_topic(request.topic)
-        return {"publishers": _node_names(topic.publishers if topic else ())}
+        return {"publishers": _node_names(topic.publishers if topic else (), "publisher", request.topic)}
 
     def _subscribers(self, request: _Request) -> _Fields:
         topic = self._find_topic(request.topic)
-        return {"subscribers": _node_names(s.owner for s in (topic.all_subscriptions if topic else ()))}
+        return {
+            "subscribers": _node_names(
+                {s.owner: None for s in (topic.all_subscriptions if topic else ())}, "subscriber", request.topic
+            )
+        }
 
     # Services
 
@@ -204,13 +208,13 @@ class Rosapi:
         """
         named = self._find_service(request.service)
         if named is not None:
-            return {"providers": [named.owner.name]}
+            return {"providers": [_provider(named)]}
         wanted = self._bus.store.canonical(request.service)
-        return {"providers": _node_names(s.owner for s in self._sorted_services() if s.type.name == wanted)}
+        return {"providers": sorted({_provider(s) for s in self._sorted_services() if s.type.name == wanted})}
 
     def _service_node(self, request: _Request) -> _Fields:
         service = self._find_service(request.service)
-        return {"node": service.owner.name if service else ""}
+        return {"node": _provider(service) if service else ""}
 
     def _service_host(self, request: _Request) -> _Fields:
         return {"host": "localhost" if self._find_service(request.service) else ""}
@@ -224,9 +228,15 @@ class Rosapi:
         node = resolve(request.node)
         topics = self._sorted_topics()
         return {
-            "subscribing": [t.name for t in topics if any(s.owner.name == node for s in t.all_subscriptions)],
-            "publishing": [t.name for t in topics if any(o.name == node for o in t.publishers)],
-            "services": [s.name for s in self._sorted_services() if s.owner.name == node],
+            "subscribing": [
+                t.name
+                for t in topics
+                if any(node in node_names_of(s.owner, "subscriber", t.name) for s in t.all_subscriptions)
+            ],
+            "publishing": [
+                t.name for t in topics if any(node in node_names_of(o, "publisher", t.name) for o in t.publishers)
+            ],
+            "services": [s.name for s in self._sorted_services() if _provider(s) == node],
         }
 
     # Types
@@ -405,9 +415,15 @@ def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], 
     return handle
 
 
-def _node_names(owners: Iterable[Participant]) -> list[str]:
+def _node_names(owners: Iterable[Participant], role: NodeRole = "any", name: str = "") -> list[str]:
     """Return each node name once, sorted; all clients are one node."""
-    return sorted({owner.name for owner in owners})
+    name = resolve(name) if name else ""
+    return sorted({node for owner in owners for node in node_names_of(owner, role, name)})
+
+
+def _provider(service: Service) -> str:
+    """Return the name of the node that provides a service."""
+    return next(iter(node_names_of(service.owner, "provider", service.name)), service.owner.name)
 
 
 def _to_text(value: object) -> str:

@@ -114,3 +114,27 @@ def test_services_pass_in_both_directions(tmp_path: Path) -> None:
     assert told["failed"] == [False, "Service /web_fails failed; its provider gave no reason"]
     assert told["cbor"] == "over CBOR"
     program.stop_cleanly()
+
+
+def test_actions_and_parameters_pass_in_both_directions(tmp_path: Path) -> None:
+    program = rclpy_server(tmp_path, "--no-world", "--max-calls", "2", "--deny-param", "*:secret")
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "actions_of_ros2.py", program.url, seconds=200))
+    assert told["listed"] == ["test_msgs/Fibonacci", True]
+    assert told["web to node"] == [[[0, 1, 1, 2, 3, 5], True, 4], "the goal was rejected by its node", 5]
+    assert told["has cancelled the goal of a client that left"]
+    assert told["node to web"] == [[[0, 1, 1], 4], [True, 5], False]
+    assert told["parameters"] == PARAMETERS
+    program.stop_cleanly()
+
+
+PARAMETERS: dict[str, object] = {
+    "read": ["1.5", "true", '"slow"', "[1,2]"],
+    "set": ["2.0", "[3,4]"],
+    "names": [f"/robot:{name}" for name in ("flag", "gaits", "speed", "text", "use_sim_time")],
+    "exists": [True, False],
+    "unset": False,
+    "refused": "the node says no",
+    "denied": "Not allowed to use the parameter /robot:secret",
+    "denied by another way": "Not allowed to use the parameter /robot:secret",
+}
+"""What `actions_of_ros2.py` is told of the parameters of its node."""

@@ -23,7 +23,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, FarTypes, Type
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import name_some, node_text
-from rosbridge_sim.graph.participant import OfferKind, Participant
+from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Subscription, Topic
@@ -122,6 +122,7 @@ class Gateway(Generic[Type]):
         self._writers: dict[str, _Writer[Type]] = {}
         self._readers: dict[str, _Reader[Type]] = {}
         self._endpoints: dict[str, Endpoint] = {}
+        self._by_topic: dict[tuple[str, bool], dict[str, Endpoint]] = {}  # by name, and whether it is a writer
         self._advertised: dict[str, str] = {}
         self._told: set[str] = set()
         self._untold: dict[str, _Untold] = {}  # by the key of the endpoint
@@ -162,6 +163,12 @@ class Gateway(Generic[Type]):
         """
         self._policy.check_publish(topic, type_name)
 
+    def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
+        """See `Standing`. A program that has told no name counts as this gateway."""
+        if role == "any":
+            return {one.node or self.name for one in self._endpoints.values()}
+        return {one.node or self.name for one in self._by_topic.get((name, role == "publisher"), {}).values()}
+
     def fail(self, error: Exception) -> None:
         """See `Guarded`: all ends, and nothing passes any more."""
         self._log.error("internal error; nothing passes to or from %s any more", self.address, exc_info=error)
@@ -192,12 +199,18 @@ class Gateway(Generic[Type]):
             found: new or changed endpoints.
         """
         for key in lost:
-            self._endpoints.pop(key, None)
+            gone = self._endpoints.pop(key, None)
+            if gone is not None:
+                same = self._by_topic[gone.topic, gone.is_writer]
+                del same[key]
+                if not same:
+                    del self._by_topic[gone.topic, gone.is_writer]
             self._name_untold(key, None, now)
             self._refused.clear()  # there may be room now
         for endpoint in found:
             if endpoint.key in self._endpoints or len(self._endpoints) < MAX_ENDPOINTS:
                 self._endpoints[endpoint.key] = endpoint
+                self._by_topic.setdefault((endpoint.topic, endpoint.is_writer), {})[endpoint.key] = endpoint
                 if not endpoint.is_writer and (writer := self._writers.get(endpoint.topic)) is not None:
                     self._follow_readers(writer, is_read=True, now=now)  # at once, so that it misses nothing
                 if endpoint.is_named:

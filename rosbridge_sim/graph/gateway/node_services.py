@@ -16,7 +16,7 @@ from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarCalls, FarGraph, FarService, FarServiceTypes, OnReply, Service
 from rosbridge_sim.graph.gateway.sentences import name_some
-from rosbridge_sim.graph.participant import OfferKind, Participant, is_guest
+from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant, is_guest
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Answer, Call
@@ -123,6 +123,11 @@ class NodeServices(Generic[Service]):
         """See `Guest`: another participant provides it from now on."""
         self.foreign.pop(name, None)
         self._tell(f"{kind} {name}: {why}")
+
+    def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
+        """See `Standing`."""
+        found = self.foreign.values() if role == "any" else [one for one in (self.foreign.get(name),) if one]
+        return {one.node or self.name for one in found}
 
     def leave(self, now: float) -> None:
         """End all services and callers. A second call does nothing."""

@@ -18,8 +18,8 @@ _SIZES: Final = {"float32": 4, "float64": 8} | {
 }
 
 
-def count_objects(raw: bytes, name: str, definitions: Mapping[str, Any], most: int) -> int:
-    """Return the number of messages and texts in a message; counting stops beyond `most`.
+def count_objects(raw: bytes, name: str, definitions: Mapping[str, Any], most: int) -> tuple[int, int]:
+    """Return the number of messages and texts in a message, and its length [bytes]; counting stops beyond `most`.
 
     Args:
         raw: CDR, with its four bytes of encapsulation.
@@ -32,7 +32,7 @@ def count_objects(raw: bytes, name: str, definitions: Mapping[str, Any], most: i
     """
     counter = _Counter(raw, definitions, most)
     counter.skip_message(name)
-    return counter.count
+    return counter.count, counter.length
 
 
 class _Counter:
@@ -45,6 +45,11 @@ class _Counter:
         self._definitions = definitions
         self._most = most
         self._length = struct.Struct("<I" if raw[1] else ">I").unpack_from
+
+    @property
+    def length(self) -> int:
+        """Bytes up to here, the four of encapsulation included."""
+        return 4 + self._at
 
     def skip_message(self, name: str) -> None:
         if not self._definitions[name]:

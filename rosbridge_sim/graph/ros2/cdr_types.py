@@ -80,12 +80,14 @@ class CdrType:
             FieldError: the bytes are not a message of the type, or are too many.
         """
         try:
-            is_large = count_objects(raw, self.name, self.definitions, MAX_OBJECTS) > MAX_OBJECTS
+            count, length = count_objects(raw, self.name, self.definitions, MAX_OBJECTS)
         except (struct.error, IndexError):
-            is_large = False  # the reader finds the mistake, and words it
-        if is_large:
+            count = length = 0  # the reader finds the mistake, and words it
+        if count > MAX_OBJECTS:
             why = f"{self.name}: expected at most {MAX_OBJECTS:,} messages and texts within a message; got more"
             raise FieldError(why, reason=Reason.TOO_MUCH)
+        if 0 < length < len(raw):  # rclpy hands out its buffer, which may be longer than the message
+            raw = raw[:length]
         try:
             value = plain_message(self._types.deserialize_cdr(raw, self.name), self.definitions)
         except Exception as error:  # noqa: BLE001 - a library reads foreign bytes: any error means that they are broken
@@ -109,6 +111,19 @@ class CdrServiceType(Record):
     request: CdrType
     response: CdrType
     hash: str = ""
+
+
+class CdrActionType(Record):
+    """An action type as nodes of ROS 2 know it.
+
+    Attributes:
+        name: `pkg/action/Type`.
+    """
+
+    name: str
+    goal: CdrType
+    result: CdrType
+    feedback: CdrType
 
 
 class CdrTypes:
@@ -157,6 +172,12 @@ class CdrTypes:
         here, there = self._store.service(name), self._ros2.service(name)
         request, response = self._part(here.request, there.request), self._part(here.response, there.response)
         return CdrServiceType(self._ros2.spelled(name, "srv"), request, response)
+
+    def find_action(self, name: str) -> CdrActionType:
+        """Return a type; see `find`."""
+        here, there = self._store.action(name), self._ros2.action(name)
+        parts = (self._part(getattr(here, one), getattr(there, one)) for one in ("goal", "result", "feedback"))
+        return CdrActionType(self._ros2.spelled(name, "action"), *parts)
 
     def _part(self, here: MessageType, there: MessageType) -> CdrType:
         """Return a message type that is a part of a service or an action; see `find`."""

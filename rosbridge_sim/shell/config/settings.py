@@ -131,8 +131,8 @@ class Settings:
     ros2_services: tuple[str, ...] = _ROS2.flag(
         (),
         PATTERNS,
-        "services of this server that nodes may call, through rclpy; without it all that clients may call, and with"
-        " --ros2-discovery multicast only those of clients; repeatable",
+        "services and actions of this server that nodes may use, through rclpy; without it all that clients may use,"
+        " and with --ros2-discovery multicast only those of clients; repeatable",
     )
     ros2_discovery: Literal["localhost", "multicast"] = _ROS2.choice(
         "localhost",

@@ -10,12 +10,15 @@ from functools import partial
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.gateway.far_graph import FarService
 from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import read_choice
 from rosbridge_sim.graph.participant import Participant, is_guest
 from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.remote_parameters import RemoteParameters
 from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType, CdrType, CdrTypes
+from rosbridge_sim.graph.ros2.ros2_actions import Ros2Actions
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.records import replace
@@ -25,6 +28,7 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts, read_installed
 from rosbridge_sim.shell.ros2.dds_library import why_no_library
 from rosbridge_sim.shell.ros2.joint_node import JointNode
+from rosbridge_sim.shell.ros2.rclpy_actions import RclpyActions
 from rosbridge_sim.shell.ros2.rclpy_library import InstalledTypes, RclpyNode, share_folders, why_not_there
 from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME, Ros2Choices, Ros2Node
 
@@ -58,16 +62,25 @@ class JoinedRos2:
         now = asyncio.get_running_loop().time()
         self.gateway.leave(now)
         if self._offers is not None:
-            self._offers.services.leave(now)
+            self._offers.leave(now)
         self.node.stop()
 
 
 class _Offers:
-    """The services of the bus that nodes may call, offered anew after each change of the bus; a clock of the server."""
+    """Services and actions of the bus for nodes, offered anew after each change of the bus; a clock of the server."""
 
-    def __init__(self, services: NodeServices[CdrServiceType], node: RclpyNode, on_change: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        services: NodeServices[CdrServiceType],
+        actions: Ros2Actions,
+        node: RclpyNode,
+        far_actions: RclpyActions,
+        on_change: Callable[[], None],
+    ) -> None:
         self.services = services
+        self.actions = actions
         self.node = node
+        self._far_actions = far_actions
         self._due: float | None = 0.0
         self._on_change = on_change
         services.on_change = self._mark
@@ -85,6 +98,17 @@ class _Offers:
         """See `Clock`."""
         if self._due is not None and now >= self._due:
             self._due = now if self.node.offer(self.services.offered()) else None
+            self._far_actions.offer(self.actions.offered())
+
+    def note_actions(self, found: dict[str, tuple[str, str]]) -> None:
+        """Offer on the bus the actions that nodes have now: name -> type, node."""
+        self.actions.set_foreign([FarService(name, kind, node) for name, (kind, node) in found.items()])
+        self._far_actions.keep_clients(set(found))
+
+    def leave(self, now: float) -> None:
+        """End all that nodes offer on the bus."""
+        self.services.leave(now)
+        self.actions.leave(now)
 
     def end(self, error: Exception) -> None:
         """See `Endable`."""
@@ -147,8 +171,14 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     scheduler.add(gateway)
     offers = None
     if rclpy is not None:
-        rclpy.services = NodeServices(ROS2_GRAPH, bus, types, policy, rclpy, is_offered=partial(is_for_nodes, settings))
-        offers = _Offers(rclpy.services, rclpy, scheduler.look)
+        is_offered = partial(is_for_nodes, settings)
+        rclpy.services = NodeServices(ROS2_GRAPH, bus, types, policy, rclpy, is_offered=is_offered)
+        parameters = RemoteParameters(bus, policy, lambda service: service.owner is rclpy.services)
+        rclpy.services.check_request = parameters.check_request
+        far = RclpyActions(rclpy, loop)
+        far.actions = Ros2Actions(bus, types, policy, far, is_offered=is_offered)
+        offers = _Offers(rclpy.services, far.actions, rclpy, far, scheduler.look)
+        rclpy.on_actions = offers.note_actions
         scheduler.add(offers)
     where = f"ROS_DOMAIN_ID={settings.ros2_domain}"
     if settings.ros2_discovery == "localhost":

@@ -32,6 +32,7 @@ from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType, CdrType
 from rosbridge_sim.graph.ros2.ros2_names import dds_type, guid_text, is_name
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros2.inbox import Inbox
+from rosbridge_sim.shell.ros2.loopback import close_to_network
 from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME, Ros2Choices, Taker
 
 PERIOD: Final = 0.1
@@ -180,6 +181,9 @@ class RclpyNode:
         gateway, services: get what comes; set before the first turn of the loop.
         inbox: takes the work for the loop.
         library: the node of rclpy, for the actions.
+        types: the installed types.
+        on_actions: gets the actions of nodes, if services or actions there have changed: name -> type, node.
+        is_stopped: it has left the domain.
     """
 
     def __init__(self, choices: Ros2Choices, types: InstalledTypes, loop: asyncio.AbstractEventLoop) -> None:
@@ -225,6 +229,8 @@ class RclpyNode:
                 )
         except Exception as error:  # noqa: BLE001 - a library with a part in C
             raise DocumentError(f"ros2-domain: rclpy cannot join domain {choices.domain}: {error!r:.300}") from None
+        if choices.discovery == "localhost":
+            close_to_network(choices.domain)
         self._writers: dict[str, _Class] = {}
         self._readers: dict[str, _Class] = {}
         self._wanted: dict[str, tuple[_Class, Quality]] = {}  # readers
@@ -236,7 +242,7 @@ class RclpyNode:
         self._num_sent: Counter[_Class] = Counter()  # requests without an answer yet, by client of rclpy
         self._is_sweeping = False
         self._told: set[str] = set()
-        self._is_stopped = False
+        self.is_stopped = False
         self._view = _GraphView(self.library, choices.namespace)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.library)
@@ -262,9 +268,9 @@ class RclpyNode:
 
     def stop(self) -> None:
         """Leave the domain. A second call does nothing."""
-        if self._is_stopped:
+        if self.is_stopped:
             return
-        self._is_stopped = True
+        self.is_stopped = True
         self.inbox.stop()
         self._executor.wake()
         if self._thread.is_alive():
@@ -276,7 +282,7 @@ class RclpyNode:
 
     def _spin(self) -> None:
         next_look = 0.0
-        while not self._is_stopped:
+        while not self.is_stopped:
             try:
                 self._executor.spin_once(timeout_sec=PERIOD)
                 if time.monotonic() >= next_look:
@@ -285,7 +291,7 @@ class RclpyNode:
                     now = time.monotonic()
                     next_look = now + max(PERIOD, LOOK_SHARE * (now - start))
             except Exception as error:  # noqa: BLE001 - a library, and what it calls: one error must not end all
-                if self._is_stopped or not self._context.ok():
+                if self.is_stopped or not self._context.ok():
                     return
                 _log.error("internal error of rclpy", exc_info=error)
                 time.sleep(PERIOD)
@@ -300,8 +306,10 @@ class RclpyNode:
         """See `FarNode`. rclpy cannot tell other programs that a writer is the sole one."""
         found = self.types.find(cdr_type.name)
         del is_sole
-        with self._errors():
-            self._writers[topic] = self.library.create_publisher(found, self._far(topic), _profile(quality))
+        with self.errors():
+            self._writers[topic] = self.library.create_publisher(
+                found, self.far(topic), _profile(quality), event_callbacks=_no_events(is_writer=True)
+            )
         self._match_reader(topic)
 
     def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
@@ -313,19 +321,19 @@ class RclpyNode:
         """See `FarNode`."""
         writer = self._writers.pop(topic, None)
         self._echoes.pop(topic, None)
-        if writer is not None and not self._is_stopped:
-            self.library.destroy_publisher(writer)
+        if writer is not None and not self.is_stopped:
+            self._destroy(self.library.destroy_publisher, writer)
             self._match_reader(topic)
 
     def close_reader(self, topic: str) -> None:
         """See `FarNode`."""
         self._wanted.pop(topic, None)
-        if not self._is_stopped:
+        if not self.is_stopped:
             self._match_reader(topic)
 
     def write(self, topic: str, raw: bytes) -> bool:
         """See `FarNode`."""
-        if self._is_stopped:
+        if self.is_stopped:
             return False
         start = time.time_ns()
         try:
@@ -348,12 +356,17 @@ class RclpyNode:
         is_needed = wanted is not None and (topic not in self._writers or self._foreign.get(topic, 0) > 0)
         reader = self._readers.get(topic)
         if reader is not None and not is_needed:
-            self.library.destroy_subscription(self._readers.pop(topic))
+            self._destroy(self.library.destroy_subscription, self._readers.pop(topic))
         elif reader is None and is_needed and wanted is not None:
             found, quality = wanted
-            with self._errors():
+            with self.errors():
                 self._readers[topic] = self.library.create_subscription(
-                    found, self._far(topic), partial(_hand_message, self, topic), _profile(quality), raw=True
+                    found,
+                    self.far(topic),
+                    partial(_hand_message, self, topic),
+                    _profile(quality),
+                    event_callbacks=_no_events(is_writer=False),
+                    raw=True,
                 )
 
     def hand(self, topic: str, raw: bytes, stamp_ns: int) -> None:
@@ -399,19 +412,17 @@ class RclpyNode:
             self.services.set_foreign(services)
             names = {one.name for one in services}
             for name in [name for name in self._clients if name not in names]:
-                self.library.destroy_client(self._clients.pop(name))
+                self._destroy(self.library.destroy_client, self._clients.pop(name))
             self.on_actions(actions)
 
     # Services of nodes; see `FarCalls`
 
     def call(self, name: str, service: CdrServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
         """See `FarCalls`."""
-        from rclpy.serialization import deserialize_message  # noqa: PLC0415 - see above
-
         found = self.types.find(service.name)
-        with self._errors():
+        with self.errors():
             client = self._client(name, found)
-            message = deserialize_message(request, found.Request)
+            message = self.read_cdr(request, found.Request)
         self._calls[call] = client, None
         if not self._is_sweeping:
             self._is_sweeping = True
@@ -420,7 +431,7 @@ class RclpyNode:
 
     def _client(self, name: str, found: _Class) -> _Class:
         if name not in self._clients:
-            self._clients[name] = self.library.create_client(found, self._far(name), qos_profile=_profile(CALLS))
+            self._clients[name] = self.library.create_client(found, self.far(name), qos_profile=_profile(CALLS))
         return self._clients[name]
 
     def _send(self, client: _Class, message: _Class, call: Call, on_reply: OnReply, hurry_at: float) -> None:
@@ -429,7 +440,7 @@ class RclpyNode:
         Args:
             hurry_at: when it is sent though others wait for their answers [s].
         """
-        if call.is_done or self._is_stopped:
+        if call.is_done or self.is_stopped:
             self._calls.pop(call, None)
             return
         try:
@@ -448,12 +459,10 @@ class RclpyNode:
 
     def _hand_reply(self, call: Call, on_reply: OnReply, future: _Class) -> None:
         """Hand an answer to the loop (in the thread that spins)."""
-        from rclpy.serialization import serialize_message  # noqa: PLC0415 - see above
-
         if future.cancelled():
             return
         error = future.exception()
-        body = f"{error!r:.300}".encode() if error is not None else serialize_message(future.result())
+        body = f"{error!r:.300}".encode() if error is not None else self.write_cdr(future.result())
 
         def reply() -> None:
             if call in self._calls:
@@ -466,7 +475,7 @@ class RclpyNode:
         """Forget calls that have ended without an answer of their provider, such as by a time-out."""
         for call in [call for call in self._calls if call.is_done]:
             self._forget_call(call)
-        self._is_sweeping = bool(self._calls) and not self._is_stopped
+        self._is_sweeping = bool(self._calls) and not self.is_stopped
         if self._is_sweeping:
             self._loop.call_later(SWEEP_PERIOD, self._forget_ended_calls)
 
@@ -488,7 +497,7 @@ class RclpyNode:
             True if there is more to do.
         """
         for name in [name for name, (service, _) in self._offered.items() if wanted.get(name) != service]:
-            self.library.destroy_service(self._offered.pop(name)[1])
+            self._destroy(self.library.destroy_service, self._offered.pop(name)[1])
         missing: dict[str, list[str]] = {}
         num_made = 0
         for name, service in wanted.items():
@@ -519,8 +528,8 @@ class RclpyNode:
             request[:] = [given]
             return response
 
-        with self._errors():
-            service = self.library.create_service(found, self._far(name), take, qos_profile=_profile(CALLS))
+        with self.errors():
+            service = self.library.create_service(found, self.far(name), take, qos_profile=_profile(CALLS))
         send, pacer = service.send_response, Pacer(self._loop.call_later)
 
         def answer(response: _Class, header: _Class) -> None:
@@ -533,11 +542,10 @@ class RclpyNode:
         self, name: str, found: _Class, request: _Class, header: _Class, answer: Callable[[_Class, _Class], None]
     ) -> None:
         """Hand a request to the loop (in the thread that spins)."""
-        from rclpy.serialization import deserialize_message, serialize_message  # noqa: PLC0415 - see above
 
         def on_reply(is_ok: bool, body: bytes) -> None:  # noqa: FBT001 - see `OnReply`
             if is_ok:
-                answer(deserialize_message(body, found.Response), header)
+                answer(self.read_cdr(body, found.Response), header)
                 return
             refusal = refusal_of(found.Response(), why := body.decode(errors="replace"))
             if refusal is not None:
@@ -549,16 +557,38 @@ class RclpyNode:
             if self.services is not None and name in self._offered:
                 self.services.call("", name, raw, on_reply, self._loop.time())
 
-        raw = serialize_message(request)
+        raw = self.write_cdr(request)
         self.inbox.put(run, len(raw))
 
     # Small parts
 
-    def _far(self, name: str) -> str:
+    def far(self, name: str) -> str:
+        """Return the name on the graph of a name on the bus."""
         return self._namespace + name
 
+    def run(self, work: Callable[[], object]) -> None:
+        """Have a function called in the thread that spins."""
+        if not self.is_stopped:
+            self._executor.create_task(work)
+
+    def _destroy(self, destroy: Callable[[_Class], object], one: _Class) -> None:
+        """End something in the thread that spins, which may be waiting for it now."""
+        self.run(lambda: destroy(one))
+
+    def write_cdr(self, message: _Class) -> bytes:
+        """Return a message of rclpy in CDR."""
+        from rclpy.serialization import serialize_message  # noqa: PLC0415 - see above
+
+        return bytes(serialize_message(message))
+
+    def read_cdr(self, raw: bytes, found: _Class) -> _Class:
+        """Return the message of a class of rclpy whose CDR is given."""
+        from rclpy.serialization import deserialize_message  # noqa: PLC0415 - see above
+
+        return deserialize_message(raw, found)
+
     @contextmanager
-    def _errors(self) -> Iterator[None]:
+    def errors(self) -> Iterator[None]:
         """Turn errors of the library into those of the graph."""
         try:
             yield
@@ -623,6 +653,13 @@ def refusal_of(response: _Class, why: str) -> _Class | None:
             setattr(response, name, why)
             break
     return response
+
+
+def _no_events(*, is_writer: bool) -> _Class:
+    """Return the choice to be told of no events, of which rclpy would wait for several with each endpoint."""
+    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks  # noqa: PLC0415 - see above
+
+    return (PublisherEventCallbacks if is_writer else SubscriptionEventCallbacks)(use_default_callbacks=False)
 
 
 def _profile(quality: Quality) -> _Class:

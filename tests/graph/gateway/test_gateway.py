@@ -210,7 +210,9 @@ def test_clients_find_what_nodes_publish_and_need_no_type(graph: GraphInMemory) 
     graph.meet("/plan", is_writer=True)
     client = Wire(graph.bus)
     (answer,) = client.says(op="call_service", service="/rosapi/publishers", args={"topic": "/plan"})
-    assert answer["values"] == {"publishers": ["/ros2"]}
+    assert answer["values"] == {"publishers": ["/planner"]}
+    (answer,) = client.says(op="call_service", service="/rosapi/node_details", args={"node": "/planner"})
+    assert answer["values"] == {"subscribing": [], "publishing": ["/plan"], "services": []}
     assert not graph.readers, "nobody on the bus subscribes yet"
     client.says(op="subscribe", topic="/plan")
     graph.settle()

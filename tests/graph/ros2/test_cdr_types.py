@@ -131,8 +131,8 @@ def test_objects_are_counted_in_lists_of_fixed_and_of_any_length_and_behind_mess
     raw = whole.encode(Message(whole.type, value))
     assert whole.decode(raw, 0) == value
     # Two and three parts with a text each, one message without fields, and two names.
-    assert count_objects(raw, whole.name, whole.definitions, 100) == 2 * 2 + 2 * 3 + 1 + 2
-    assert count_objects(raw, whole.name, whole.definitions, 5) > 5
+    assert count_objects(raw, whole.name, whole.definitions, 100) == (2 * 2 + 2 * 3 + 1 + 2, len(raw))
+    assert count_objects(raw, whole.name, whole.definitions, 5)[0] > 5
     for length in (4, 20, len(raw) - 12):
         with pytest.raises((struct.error, IndexError)):
             count_objects(raw[:length], whole.name, whole.definitions, 100)
@@ -169,3 +169,11 @@ def test_types_that_ros2_does_not_have_are_refused_each_time() -> None:
     for _ in range(2):
         with pytest.raises(TypeNameError):
             types.find("nowhere_msgs/Nothing")
+
+
+def test_what_the_buffer_of_rclpy_has_behind_a_message_is_ignored() -> None:
+    _, types = make_types(2)
+    service = types.find_service("rcl_interfaces/GetParameters")
+    value = service.response.type.check({"values": [{"type": 3, "double_value": 1.5}]}, 0)
+    raw = service.response.encode(Message(service.response.type, value))
+    assert service.response.decode(raw + b"of another time", 0) == value
