@@ -208,7 +208,7 @@ class NodeServices(Generic[Service]):
             on_reply(False, str(answer.values).encode())  # noqa: FBT003 - see `OnReply`
 
         body = service.request.type.encode_json(value)
-        caller = self._caller(node) if node else self
+        caller = self._caller(node, now) if node else self
         self._bus.call(caller, name, body, on_answer, now=now)
 
     def _refuse(self, node: str, name: str, reason: Reason | None, text: str) -> None:
@@ -216,11 +216,12 @@ class NodeServices(Generic[Service]):
         refusal = RefusedRequest(who, reason or Reason.REFUSED, "call_service", name, text)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
-    def _caller(self, node: str) -> CallingNode:
+    def _caller(self, node: str, now: float) -> CallingNode:
         caller = self.callers.pop(node, None) or CallingNode(self._graph, node, self._policy)
         self.callers[node] = caller
-        if len(self.callers) > MAX_CALLERS:
-            self._bus.leave(self.callers.pop(next(iter(self.callers))), 0.0)
+        if len(self.callers) > MAX_CALLERS:  # one that the master does not know goes first
+            strange = next((name for name, one in self.callers.items() if not one.was_seen), next(iter(self.callers)))
+            self._bus.leave(self.callers.pop(strange), now)
         return caller
 
     def forget_caller(self, node: str, now: float) -> None:

@@ -12,7 +12,7 @@ from typing import Final
 
 from rosbridge_sim.errors import GraphError
 
-MAX_HEADER: Final = 2**20
+MAX_HEADER: Final = 2**18
 """Longest header [bytes]: the definition of the longest real type in it has 40 kB."""
 
 MAX_FIELDS: Final = 100
@@ -59,6 +59,28 @@ def read_header(data: bytes) -> dict[str, str]:
     return fields
 
 
+class Room:
+    """Memory for all messages and requests that have not come whole yet: a sender may promise much, and send little.
+
+    Attributes:
+        left: what is free [bytes].
+    """
+
+    def __init__(self, left: int) -> None:
+        self.left = left
+
+    def take(self, size: int) -> bool:
+        """Take memory; return False if there is not enough."""
+        if size > self.left:
+            return False
+        self.left -= size
+        return True
+
+    def give(self, size: int) -> None:
+        """Give memory back."""
+        self.left += size
+
+
 class MessageCutter:
     """Cuts a stream of bytes into messages; one that is too long is skipped, and takes no memory.
 
@@ -66,13 +88,16 @@ class MessageCutter:
         num_skipped: messages that were too long.
     """
 
-    def __init__(self, max_size: int) -> None:
+    def __init__(self, max_size: int, room: Room) -> None:
         """Start at the length of a message.
 
         Args:
             max_size: longest message [bytes].
+            room: for messages that are not complete; `close` gives back what is taken.
         """
         self.num_skipped = 0
+        self._room = room
+        self._taken = 0
         self._max_size = max_size
         self._data = bytearray()
         self._skip = 0  # bytes of a message that is too long
@@ -89,12 +114,19 @@ class MessageCutter:
         while len(buffer) - at >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(buffer, at)
             end = at + _LENGTH.size + length
-            if length > self._max_size:
+            if length > self._max_size or (end > len(buffer) and not self._taken and not self._room.take(length)):
                 self.num_skipped += 1
                 self._skip = max(0, end - len(buffer))
             elif end > len(buffer):
+                self._taken = length
                 break
             else:
+                self.close()
                 yield bytes(memoryview(buffer)[at + _LENGTH.size : end])
             at = min(end, len(buffer))
         del buffer[:at]
+
+    def close(self) -> None:
+        """Give back the memory of a message that is not complete."""
+        self._room.give(self._taken)
+        self._taken = 0

@@ -20,6 +20,7 @@ from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
 from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH, name_there
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.tcpros import Room
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
@@ -32,6 +33,9 @@ from rosbridge_sim.shell.ros1.service_links import FarServices
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, addresses, call
 
 _log = logging.getLogger("rosbridge_sim.ros1")
+
+MAX_INCOMPLETE: Final = 128 * 2**20
+"""Memory for messages and requests of all nodes that have not come whole yet [bytes]; a large cloud has ten million."""
 
 MASTER_VARIABLE: Final = "ROS_MASTER_URI"
 
@@ -89,7 +93,8 @@ async def join_ros1(
         return str(await call(choices.master, "lookupService", choices.name, name))
 
     namespace, max_size = choices.namespace, choices.max_message_size
-    far = FarServices(bus, choices.name, find, lambda name: name_there(name, namespace), max_size=max_size)
+    far = FarServices(bus, find, choices.name, name_there=lambda name: name_there(name, namespace), max_size=max_size)
+    far.room = choices.room
     node.far_services = far
     node.services = NodeServices(ROS1_GRAPH, bus, types, policy, far)
     node.gateway = Gateway(ROS1_GRAPH, bus, types, node, policy, topics=Rule(settings.ros1_topics))
@@ -126,7 +131,8 @@ async def choose(settings: Settings, environment: Mapping[str, str]) -> Ros1Choi
         pass  # there is none of this name, or it has died
     else:
         raise DocumentError(f"ros1-name: the node {name} is on the graph of {master} already; use --ros1-name")
-    return Ros1Choices(master, name, settings.ros1_namespace, host, shown, settings.max_frame_size)
+    room = Room(max(MAX_INCOMPLETE, settings.max_frame_size))
+    return Ros1Choices(master, name, settings.ros1_namespace, host, shown, settings.max_frame_size, room)
 
 
 def master_of(choice: str, environment: Mapping[str, str]) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
+import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -23,10 +24,11 @@ from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
 from rosbridge_sim.graph.ros1.master_view import MasterView, Registration, read_view
 from rosbridge_sim.graph.ros1.ros1_graph import is_name, name_here, name_there, type_of
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
-from rosbridge_sim.graph.ros1.tcpros import MessageCutter, with_length, write_header
+from rosbridge_sim.graph.ros1.tcpros import MessageCutter, Room, with_length, write_header
+from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros1.service_links import FarServices, call_of, probe, serve_calls
-from rosbridge_sim.shell.ros1.topic_links import CHUNK, SubscriberLink, exchange_headers, receive, take_header
+from rosbridge_sim.shell.ros1.topic_links import CHUNK, LOST, SubscriberLink, exchange_headers, receive, take_header
 from rosbridge_sim.shell.ros1.xmlrpc_http import UnreachableError, XmlRpcServer, call, connect
 
 PERIOD: Final = 1.0
@@ -44,6 +46,12 @@ MAX_PUBLISHERS: Final = 100
 MAX_LINES: Final = 200
 """Most lines of the log that are written once each, whatever other nodes do."""
 
+MAX_LINE: Final = 400
+"""Longest of these lines [characters]."""
+
+MAX_CONNECTING: Final = 32
+"""Most publishers at once that we connect to: strangers may name any number of addresses that do not answer."""
+
 NEW_PER_LOOK: Final = 20
 """Services and unknown types of other nodes that one look asks for: each takes two connections."""
 
@@ -54,11 +62,12 @@ FIRST_WAIT: Final = 0.5
 LONGEST_WAIT: Final = 8.0
 """Time until a publisher that cannot be followed is tried again [s], doubled each time."""
 
-GOODBYE: Final = 1.5
-"""Longest time for the end of all registrations [s]."""
+LAST_CALL: Final = 0.4
+GOODBYE: Final = 1.2
+"""Longest time for a call of the master that is on its way at the end, and for the end of all registrations [s]."""
 
-_LOST = (OSError, asyncio.IncompleteReadError, GraphError)
-"""Errors of a connection that has ended, or whose other side speaks something else."""
+_VALUES: Final = re.compile(r"(?<!md5 sum )\b[\d,]+\b|b?'.*'|b?\".*\"", re.DOTALL)
+"""Numbers and quoted bytes of strangers in the line about a connection that is refused."""
 
 _log = logging.getLogger("rosbridge_sim.ros1")
 
@@ -73,6 +82,7 @@ class Ros1Choices(Record):
         host: where the node listens.
         shown_host: host in its addresses, for other nodes.
         max_message_size: longest message of another node [bytes].
+        room: for messages of all nodes that have not come whole yet.
     """
 
     master: str
@@ -81,6 +91,7 @@ class Ros1Choices(Record):
     host: str
     shown_host: str
     max_message_size: int
+    room: Room
 
 
 @dataclass(eq=False)
@@ -135,6 +146,8 @@ class Ros1Node:
         self._unlearnt: dict[str, float] = {}  # types -> when to ask again
         self._missed: dict[str, int] = {}  # pings without an answer, by the name of the node
         self._num_links = 0
+        self._is_ending = False
+        self._connecting = asyncio.Semaphore(MAX_CONNECTING)
         self._told: set[str] = set()
         self._is_lost: str | None = None
         self._is_changed = asyncio.Event()
@@ -162,7 +175,11 @@ class Ros1Node:
 
     async def stop(self) -> None:
         """Leave the graph, within two seconds. A second call does nothing."""
-        tasks, self._tasks = self._tasks, set()
+        tasks, self._tasks = self._tasks - {asyncio.current_task()}, set()
+        self._is_ending = True
+        self._is_changed.set()
+        if tasks:  # a registration that is on its way must arrive before its end
+            await asyncio.wait(tasks, timeout=LAST_CALL)
         for task in tasks:
             task.cancel()
         for reader in self._readers.values():
@@ -245,12 +262,14 @@ class Ros1Node:
     async def _run(self) -> None:
         """Look at the master from time to time, and register changes in between."""
         pause = PERIOD
-        while True:
+        while not self._is_ending:
             with suppress(TimeoutError):
                 async with asyncio.timeout(pause):
-                    while True:
+                    while not self._is_ending:
                         await self._is_changed.wait()
                         await self._register_safely()
+            if self._is_ending:
+                return
             start = self._loop.time()
             await self._look_safely()
             pause = max(PERIOD, (self._loop.time() - start) * (1 / MOST_LOOKING)) if self._is_lost is None else PERIOD
@@ -332,29 +351,35 @@ class Ros1Node:
         """
         wanted = self._wanted(taken)
         for one, type_name in list(self._registered.items()):
-            if wanted.get(one) != type_name:
+            if wanted.get(one) != type_name and not self._is_ending:
                 await self._unregister(one)
         for one, type_name in wanted.items():
-            if one in self._registered:
+            if one in self._registered or self._is_ending:
                 continue
             rest = [f"rosrpc://{self._choices.shown_host}:{self._port}"] if one.kind == "Service" else [type_name]
+            self._registered[one] = type_name
             try:
                 found = await self._ask(f"register{one.kind}", one.name, *rest, self.uri)
-            except UnreachableError:
-                raise
             except GraphError as error:
+                self._registered.pop(one, None)
+                if isinstance(error, UnreachableError):
+                    raise
                 self._refused.add(one)
                 self._tell(f"the master does not take {one.name}: {error}")
                 continue
-            self._registered[one] = type_name
             if one.kind == "Subscriber":
                 self._set_publishers(one.name, found)
         await self._send_parameters()
 
     async def _unregister(self, one: Registration) -> None:
-        self._registered.pop(one, None)
         uri = f"rosrpc://{self._choices.shown_host}:{self._port}" if one.kind == "Service" else self.uri
-        await self._ask(f"unregister{one.kind}", one.name, uri)
+        try:
+            await self._ask(f"unregister{one.kind}", one.name, uri)
+        except UnreachableError:
+            raise
+        except GraphError:
+            pass  # the master does not know it
+        self._registered.pop(one, None)  # not before: the end of this task must not lose it
 
     async def _send_parameters(self) -> None:
         unsent = self._parameters.unsent
@@ -384,7 +409,7 @@ class Ros1Node:
             self._unlearnt[one.type_name] = now + 10 * PERIOD
             try:
                 await self._learn(one)
-            except _LOST as error:
+            except LOST as error:
                 self._tell(f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {error}")
         passing = {key: one for key, one in found.items() if self._types.is_known(one.type_name)}
         come = [one for key, one in passing.items() if key not in self._endpoints]
@@ -410,13 +435,19 @@ class Ros1Node:
 
     async def _connect(self, uri: str, topic: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         """Connect to a publisher of a topic; errors as for `_learn`."""
+        async with self._connecting:
+            return await self._connect_now(uri, topic)
+
+    async def _connect_now(self, uri: str, topic: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         there = name_there(topic, self._choices.namespace)
         answer = await call(uri, "requestTopic", self._choices.name, there, [["TCPROS"]])
         try:
             _, host, port = answer
             address = str(host), int(port)
         except (TypeError, ValueError):
-            raise GraphError(f"expected TCPROS and an address; got {str(answer)[:100]}") from None
+            address = "", 0
+        if not 0 < address[1] < 2**16:
+            raise GraphError(f"expected TCPROS and an address; got {str(answer)[:100]}")
         async with asyncio.timeout(LONGEST_WAIT):
             return await connect(*address)
 
@@ -445,7 +476,7 @@ class Ros1Node:
             try:
                 await self._take_messages(topic, reader, uri)
                 pause = FIRST_WAIT
-            except _LOST as error:
+            except LOST as error:
                 if uri in reader.publishers:
                     self._tell(f"{topic}: a publisher cannot be heard: {error or 'no answer came in time'}")
                     await asyncio.sleep(pause)
@@ -461,14 +492,17 @@ class Ros1Node:
             header = await exchange_headers(stream, writer, fields)
             if header.get("md5sum", "*") not in {"*", reader.type.md5}:
                 raise GraphError(_misfit(reader.type, header, header.get("callerid", uri)))
-            cutter = MessageCutter(self._choices.max_message_size)
+            cutter = MessageCutter(self._choices.max_message_size, self._choices.room)
 
             def take(raw: bytes) -> None:
                 self.gateway.receive(topic, raw, self._loop.time())
 
-            await receive(stream, cutter, take)
-            if cutter.num_skipped:
-                self._tell(f"{topic}: messages beyond --max-frame-size are dropped")
+            try:
+                await receive(stream, cutter, take)
+            finally:
+                cutter.close()
+                if cutter.num_skipped:
+                    self._tell(f"{topic}: messages beyond --max-frame-size are dropped")
         finally:
             writer.close()
 
@@ -488,7 +522,7 @@ class Ros1Node:
         here = name_here(there, self._choices.namespace)
         try:
             header = await probe(await self._ask("lookupService", there), there, self._choices.name)
-        except _LOST as error:
+        except LOST as error:
             self._tell(f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}", logging.INFO)
             return
         if here is not None and type_of(header.get("type", "")) is not None:
@@ -601,10 +635,11 @@ class Ros1Node:
             else:
                 await self._serve_topic(header, node, reader, writer)
         except PeerError as error:
-            self._tell(f"a node is refused: {error}")
+            text = f"a node is refused: {error}"
+            self._tell(text, key=_VALUES.sub("", text))
             with suppress(OSError):
                 writer.write(write_header({"error": str(error)}))
-        except (OSError, asyncio.IncompleteReadError):
+        except LOST:
             pass  # it has gone, or is silent
         finally:
             del self._connections[writer]
@@ -660,13 +695,15 @@ class Ros1Node:
             call_of(self.services, node, name, self._loop),
             is_persistent=header.get("persistent") == "1",
             max_size=self._choices.max_message_size,
+            room=self._choices.room,
         )
 
-    def _tell(self, text: str, level: int = logging.WARNING) -> None:
-        """Log a line once."""
-        if text not in self._told and len(self._told) < MAX_LINES:
-            self._told.add(text)
-            _log.log(level, "%s", text)
+    def _tell(self, text: str, level: int = logging.WARNING, key: str = "") -> None:
+        """Log a line once; `key` is equal for lines that say the same with other values."""
+        key = key or text
+        if key not in self._told and len(self._told) < MAX_LINES:
+            self._told.add(key)
+            _log.log(level, "%s", printable(text, MAX_LINE))
 
 
 def _misfit(known: Ros1Type, header: dict[str, str], node: str) -> str:

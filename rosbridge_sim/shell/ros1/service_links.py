@@ -12,16 +12,16 @@ from rosbridge_sim.graph.gateway.far_graph import OnReply
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
-from rosbridge_sim.graph.ros1.tcpros import with_length
+from rosbridge_sim.graph.ros1.tcpros import Room, with_length
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.shell.ros1.topic_links import exchange_headers
+from rosbridge_sim.shell.ros1.topic_links import LOST, exchange_headers
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, connect
 
 MAX_IDLE: Final = 4
 """Connections to one service that are kept for later calls."""
 
-MAX_CALLS: Final = 64
-"""Most calls at once to the services of nodes: each has a connection; the others wait for their turn."""
+MAX_CALLS: Final = 16
+"""Most calls at once to one service of a node: each has a connection; the others wait for their turn."""
 
 ANSWER_TIMEOUT: Final = 30.0
 """Longest wait until a node takes an answer that we send [s]."""
@@ -34,6 +34,7 @@ async def serve_calls(
     *,
     is_persistent: bool,
     max_size: int,
+    room: Room,
 ) -> None:
     """Answer the calls of a node on one connection, one after the other.
 
@@ -41,6 +42,7 @@ async def serve_calls(
         call: calls the service.
         is_persistent: more than one call may come.
         max_size: longest request [bytes].
+        room: for requests that are not complete.
 
     Raises:
         OSError, asyncio.IncompleteReadError: the connection has ended.
@@ -48,8 +50,8 @@ async def serve_calls(
     loop = asyncio.get_running_loop()
     while True:
         length = int.from_bytes(await reader.readexactly(4), "little")
-        if length > max_size:
-            reply = False, f"expected a request of at most {max_size:,} bytes; got {length:,}".encode()
+        if length > min(max_size, room.left):
+            reply = False, f"expected a request of at most {min(max_size, room.left):,} bytes; got {length:,}".encode()
             is_persistent = False
         else:
             future: asyncio.Future[tuple[bool, bytes]] = loop.create_future()
@@ -58,7 +60,12 @@ async def serve_calls(
                 if not future.done():
                     future.set_result((is_ok, body))
 
-            call(await reader.readexactly(length), on_reply)
+            room.take(length)
+            try:
+                request = await reader.readexactly(length)
+            finally:
+                room.give(length)
+            call(request, on_reply)
             reply = await future
         writer.write((b"\1" if reply[0] else b"\0") + with_length(reply[1]))
         async with asyncio.timeout(ANSWER_TIMEOUT):
@@ -68,13 +75,18 @@ async def serve_calls(
 
 
 class FarServices:
-    """Calls of services that nodes provide, over connections that are kept; see `FarCalls`."""
+    """Calls of services that nodes provide, over connections that are kept; see `FarCalls`.
+
+    Attributes:
+        room: for responses that have not come whole yet.
+    """
 
     def __init__(
         self,
         bus: Bus,
-        node: str,
         find: Callable[[str], Awaitable[str]],
+        node: str,
+        *,
         name_there: Callable[[str], str],
         max_size: int,
     ) -> None:
@@ -83,16 +95,18 @@ class FarServices:
         Args:
             bus: our bus: the calls of a participant that leaves end there.
             find: returns `rosrpc://HOST:PORT` of a service by its name there, or raises GraphError.
+            node: name of our node.
             name_there: returns the name there of a service of the bus.
             max_size: longest response [bytes].
         """
+        self.room = Room(max_size)
         self._node = node
         self._find = find
         self._name_there = name_there
         self._max_size = max_size
         self._idle: dict[str, list[tuple[asyncio.StreamReader, asyncio.StreamWriter]]] = {}
         self._running: dict[asyncio.Task[None], Call] = {}
-        self._turns = asyncio.Semaphore(MAX_CALLS)
+        self._turns: dict[str, asyncio.Semaphore] = {}
         bus.on_leave.append(self._note_leaving)
 
     def call(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
@@ -103,6 +117,7 @@ class FarServices:
 
     def forget(self, name: str) -> None:
         """Close the idle connections of a service, because it has ended or moved."""
+        self._turns.pop(name, None)
         for _, writer in self._idle.pop(name, ()):
             writer.close()
 
@@ -122,11 +137,12 @@ class FarServices:
     async def _run(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
         try:
             # The deadline of the call is set by now, after `handle` has returned.
-            async with asyncio.timeout_at(call.deadline), self._turns:
+            turns = self._turns.setdefault(name, asyncio.Semaphore(MAX_CALLS))
+            async with asyncio.timeout_at(call.deadline), turns:
                 reply = await self._ask(name, service, request)
         except TimeoutError:
             reply = False, f"Service {name}: no answer came in time".encode()
-        except (GraphError, OSError, asyncio.IncompleteReadError) as error:
+        except LOST as error:
             reply = False, f"Service {name} of ROS 1 was lost: {error}".encode()
         on_reply(*reply)
 
@@ -150,9 +166,12 @@ class FarServices:
 
     async def _read_body(self, reader: asyncio.StreamReader) -> bytes:
         length = int.from_bytes(await reader.readexactly(4), "little")
-        if length > self._max_size:
+        if length > self._max_size or not self.room.take(length):
             raise GraphError(f"its response has {length:,} bytes, expected at most {self._max_size:,}")
-        return await reader.readexactly(length)
+        try:
+            return await reader.readexactly(length)
+        finally:
+            self.room.give(length)
 
     async def _connect(self, name: str, service: Ros1Service) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         there = self._name_there(name)

@@ -29,6 +29,10 @@ LEAST_SIZE: Final = 1024
 """Messages that one turn of the loop takes from a publisher [bytes], of which a short one counts as so many."""
 
 
+LOST: Final = (OSError, asyncio.IncompleteReadError, UnicodeError, GraphError)
+"""Errors of a connection that cannot be made, has ended, or whose other side speaks something else."""
+
+
 async def exchange_headers(
     reader: asyncio.StreamReader, writer: asyncio.StreamWriter, fields: Mapping[str, str]
 ) -> dict[str, str]:

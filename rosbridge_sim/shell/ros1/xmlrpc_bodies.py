@@ -16,6 +16,9 @@ from rosbridge_sim.errors import GraphError
 MAX_VALUES: Final = 50_000
 """Most values in an answer: reading so many takes 0.2 s. The graph of a thousand topics has 5,000."""
 
+MAX_DEPTH: Final = 110
+"""Deepest nesting of values: as deep as a parameter may be, and some more."""
+
 
 def write_call(method: str, args: Sequence[object]) -> bytes:
     """Return the body of a call.
@@ -71,8 +74,19 @@ def _read(body: bytes, max_values: int) -> tuple[Sequence[Any], str | None]:
     if "<!" in text.replace("<!--", "") or text.count("<value") > max_values:
         raise GraphError(f"expected XML-RPC without a document type, with at most {max_values:,} values")
     try:
-        return xmlrpc.client.loads(text)
+        values, method = xmlrpc.client.loads(text)
+        _check_depth(values, 0)
     except xmlrpc.client.Fault as fault:
         raise GraphError(f"refused: {fault.faultString[:300]}") from None
     except (xml.parsers.expat.ExpatError, ValueError, TypeError, LookupError, xmlrpc.client.Error) as error:
         raise GraphError(f"expected XML-RPC: {error!r:.200}") from None
+    return values, method
+
+
+def _check_depth(value: object, depth: int) -> None:
+    """Raise ValueError for a value that is nested so deeply that it cannot be shown."""
+    if depth > MAX_DEPTH:
+        raise ValueError(f"nested more than {MAX_DEPTH} deep")
+    parts = value.values() if isinstance(value, dict) else value if isinstance(value, (list, tuple)) else ()
+    for part in parts:
+        _check_depth(part, depth + 1)

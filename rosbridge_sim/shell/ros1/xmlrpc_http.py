@@ -146,6 +146,7 @@ class XmlRpcServer:
         self._answer = answer
         self._server: asyncio.Server | None = None
         self._writers: set[asyncio.StreamWriter] = set()
+        self._turn = asyncio.Lock()
 
     async def start(self, host: str) -> None:
         """Listen on a free port of a host.
@@ -186,7 +187,9 @@ class XmlRpcServer:
             head, body = await _read_message(reader, MAX_REQUEST)
         if not head.startswith(b"POST "):
             raise GraphError("expected POST")
-        method, args = read_call(body, MAX_VALUES)
+        async with self._turn:  # one body in a turn of the loop, however many connections there are
+            method, args = read_call(body, MAX_VALUES)
+            await asyncio.sleep(0)
         try:
             answer = self._answer(method, args)
         except (TypeError, ValueError, LookupError, AttributeError):

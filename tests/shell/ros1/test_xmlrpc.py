@@ -51,6 +51,7 @@ async def test_both_sides_speak_with_the_standard_library(server: XmlRpcServer) 
         b"<value>" * 60_000,
         b"<?xml version='1.0' encoding='cp037'?>" + "<!DOCTYPE a>".encode("cp037"),
         b"",
+        write_call("a", [1]).replace(b"<int>1</int>", b"<array><data><value>" * 200 + b"</value></data></array>" * 200),
     ],
 )
 def test_bodies_of_strangers_are_refused(body: bytes) -> None:
