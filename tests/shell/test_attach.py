@@ -797,7 +797,7 @@ async def test_stamps_auto_without_a_bridge_uses_simulated_time_and_logs_it(capl
     async with Simulator(port=0, start="sync", stamps="auto") as sim:
         assert sim.bus is not None
         assert sim.bus.stamp_ns == 0
-    assert any("no --attach is given" in record.getMessage() for record in caplog.records)
+    assert any("there is none: stamps are simulated time" in record.getMessage() for record in caplog.records)
 
 
 # What goes, and comes back
