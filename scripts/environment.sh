@@ -36,8 +36,11 @@ is_current() {
 }
 
 # install_packages ARGUMENT...: pip install into .venv, with a line for each package, since the first time takes minutes.
+# $pip_options has further options of pip, and $beside_pip the name of a function that runs meanwhile.
+pip_options=()
+beside_pip=
 install_packages() {
-    "$root/.venv/bin/python" -m pip install --disable-pip-version-check "$@" | while IFS= read -r line; do
+    "$root/.venv/bin/python" -m pip install --disable-pip-version-check ${pip_options[@]+"${pip_options[@]}"} "$@" | while IFS= read -r line; do
         case $line in
             Collecting\ *)
                 line=${line#Collecting }
@@ -71,6 +74,7 @@ ensure_environment() {
             "$python" -m venv "$root/.venv" >&2 || exit 1
         fi
         say "installing into .venv (once; later starts skip this)"
+        if [[ $beside_pip ]]; then "$beside_pip" 9>&- & fi
         if ! install_packages --editable "$root${extras:+[$extras]}"; then
             say "the installation failed; see the output of pip above"
             exit 1
@@ -98,6 +102,7 @@ ensure_node_packages() {
 
 # ensure_debian PACKAGE WHAT COMMAND...: install a Debian package for WHAT of the tests, unless COMMAND succeeds.
 # Without the right to install it, print a message.
+is_apt_fresh=
 ensure_debian() {
     local package=$1 what=$2
     if "${@:3}" >/dev/null 2>&1; then return; fi
@@ -107,9 +112,12 @@ ensure_debian() {
     fi
     say "installing $package for $what (once)"
     local -x DEBIAN_FRONTEND=noninteractive
-    if ! { apt-get --quiet=2 update && apt-get --quiet=2 install --yes --no-install-recommends "$package"; } >/dev/null; then
+    if ! { { [[ $is_apt_fresh ]] || apt-get --quiet=2 update; } &&
+        apt-get --quiet=2 install --yes --no-install-recommends "$package"; } >/dev/null; then
         say "apt-get could not install it; see its output above"
+        return
     fi
+    is_apt_fresh=yes
 }
 
 # ensure_rclpy: nodes of ROS 2 for the long tests, in an environment of their own: .venv/rclpy, 300 MB, this package

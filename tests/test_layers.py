@@ -89,8 +89,8 @@ simulator.sensor_services: * document_reading graph morai.messages simulator.bus
     simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
-simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel simulator.plain units
-    world.geometry world.roads world.state
+simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel units world.geometry
+    world.roads world.state
 simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema
     simulator.bus simulator.kernel simulator.markers simulator.plain simulator.scene simulator.sync units world
     world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state

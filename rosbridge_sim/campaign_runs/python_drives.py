@@ -1,7 +1,7 @@
 """Drives without a server: our own driver, Python functions and policies, one world or many of them together.
 
 `Worlds` moves them in one step. Where the campaign reads topics, or sets what `Worlds` does not know, each has the node
-of a simulator instead, see `node_worlds`.
+of a simulator instead, see `NodeWorlds`.
 
 World i of a batch moves as it would alone, to the bit, so a batch changes nothing in the table. If a function that
 drives many worlds raises an error, each of them is driven again alone: then the error belongs to its own run.
@@ -20,19 +20,27 @@ from typing import Any
 import numpy as np
 
 from rosbridge_sim.campaign_runs.job import LoadedJob
-from rosbridge_sim.campaign_runs.node_worlds import NodeWorlds
 from rosbridge_sim.campaign_runs.observation import Observation
 from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome, told_error, told_trace
-from rosbridge_sim.campaign_runs.simulator_options import WORLD_SETTINGS, check_settings, make_work_folder
+from rosbridge_sim.campaign_runs.simulator_options import (
+    WORLD_SETTINGS,
+    check_settings,
+    make_work_folder,
+    simulator_options,
+)
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign import RunValues, names_of
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.shell.assembly import make_simulator_node, mistakes_of_items
 from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.world.followers.self_driving import start_self_driving
+from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.state.world import Kind
-from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
+from rosbridge_sim.worlds.drivable_worlds import Commands, DrivableWorlds
 from rosbridge_sim.worlds.worlds import Worlds
 
 Command = Mapping[str, Any]
@@ -234,3 +242,56 @@ def _captured(output: KeptOutput) -> Iterator[None]:
     finally:
         if os.getpid() != number:
             os._exit(0)
+
+
+class NodeWorlds(DrivableWorlds):
+    """The worlds of some simulators, which move together, with all topics and settings of a server, without sockets.
+
+    A frame costs more than in `Worlds`, so they are used only for what `Worlds` lacks. The world of a node moves as
+    that of `Worlds`, to the bit.
+
+    Args:
+        drives: of all runs; each hears the topics of its own simulator, and has a folder.
+
+    Raises:
+        DocumentError: a scenario or a setting cannot be used.
+    """
+
+    def __init__(self, loaded: LoadedJob, drives: Sequence[WatchedDrive], runs: Sequence[Run]) -> None:
+        self._nodes = [_make_node(loaded, drive, run) for drive, run in zip(drives, runs, strict=True)]
+        worlds = [node.world for node in self._nodes]
+        super().__init__([world for world in worlds if isinstance(world, OneOfMany)])
+
+    def step(self, commands: Commands | None = None) -> None:
+        """Command the egos and move all worlds by one frame.
+
+        Args:
+            commands: as for `Worlds.step`; None for those of before.
+
+        Raises:
+            ValueError: as for `Worlds.step`. Nothing has moved.
+        """
+        if commands is not None:
+            self.command(commands)
+        for node in self._nodes:
+            now = node.world.frame * self.dt
+            node.context.stepper.compute(now, is_tick=True, is_last=True)
+
+    def drive_first_ego(self, world: int, desired_speed: float) -> bool:
+        """Let the first ego of a world follow the lanes; return False if it stands on no lane.
+
+        Args:
+            world: number of the world.
+            desired_speed: speed that it wants [m/s].
+        """
+        return self._nodes[world].egos.first.drive_itself(desired_speed=desired_speed) is None
+
+
+def _make_node(loaded: LoadedJob, drive: WatchedDrive, run: Run) -> SimulatorNode:
+    assert drive.outcome.work is not None
+    settings = check_options(simulator_options(loaded, run, drive.outcome.work), mistakes_of_items)
+    _, store = loaded.types.read(settings)
+    bus = Bus(store, is_strict=settings.strict_types)
+    node = make_simulator_node(bus, settings, None, None, library=loaded.library_for(settings), make_world=OneOfMany)
+    drive.listen(bus)
+    return node

@@ -1,7 +1,7 @@
 """The folder of a campaign's results, and what may be found in it after a crash.
 
 campaign.toml   the file as it was driven, and campaign.json where it came from
-.lock           held by the process that writes; see `folder_lock`
+.lock           held by the process that writes; see `FolderLock`
 results.jsonl   a line for each run, appended as it comes; the only file that a later start reads
 runs.csv        the table; times.csv has what depends on the machine; runs.parquet where pyarrow is installed
 junit.xml       for CI
@@ -14,13 +14,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import platform
 import shutil
 from collections.abc import Sequence
 from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from rosbridge_sim.campaign_runs.folder_lock import FolderLock
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
 from rosbridge_sim.errors import DocumentError
@@ -29,6 +29,11 @@ from rosbridge_sim.version import __version__
 
 if TYPE_CHECKING:  # to list results needs nothing that drives
     from rosbridge_sim.campaign_runs.job import Job
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 CAMPAIGN: Final = "campaign.toml"
 ABOUT: Final = "campaign.json"
@@ -305,3 +310,41 @@ def _read_campaign(folder: Path) -> tuple[str, str, str]:
             f"{folder}: expected a folder of results; `rosbridge-sim campaign run FILE` makes one"
         ) from None
     return text, source, base
+
+
+class FolderLock:
+    """A file that this process has locked. The system frees it when its holder ends in any way.
+
+    Windows has no such locks; two campaigns in one folder are not refused there.
+
+    Args:
+        path: of the file; it has the number of the process and the name of its machine while the lock is held.
+
+    Raises:
+        DocumentError: another process holds the lock.
+        OSError: the file cannot be written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        if fcntl is None:
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            holder = printable(os.read(self._file, 200).decode("utf-8", "replace").strip(), 80) or "another process"
+            os.close(self._file)
+            raise DocumentError(
+                f"{path.parent}: {holder} writes its results here; wait until it ends, or choose another --output"
+            ) from None
+        except OSError:
+            return  # a file system without locks, as some that are mounted
+        os.ftruncate(self._file, 0)
+        os.write(self._file, f"process {os.getpid()} on {platform.node()}\n".encode())
+
+    def release(self) -> None:
+        """Let another process take the lock. The file stays: another one may wait for it."""
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._file, 0)
+        os.close(self._file)

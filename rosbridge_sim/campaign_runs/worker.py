@@ -9,7 +9,7 @@ import platform
 import shutil
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,6 @@ from rosbridge_sim.campaign_runs.program_drives import drive_by_program
 from rosbridge_sim.campaign_runs.program_groups import adopt_orphans, note_group
 from rosbridge_sim.campaign_runs.python_drives import drive_in_python
 from rosbridge_sim.campaign_runs.results_folder import run_folder
-from rosbridge_sim.campaign_runs.worker_memory import data_size, limited_memory
 from rosbridge_sim.campaigns.campaign import is_skipped
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.drive_limits import judge_trace
@@ -27,6 +26,11 @@ from rosbridge_sim.campaigns.run_results import BAD, Breach, Result, Run, Verdic
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 
 def settle_worker() -> None:
@@ -221,3 +225,30 @@ def _keep(folder: str, run: Run, outcome: Outcome) -> tuple[tuple[str, ...], str
             (place / name).unlink()  # a part of it
         return tuple(kept), f"{name} of the run, and what comes behind it, is not kept: {error.strerror}"
     return tuple(kept), ""
+
+
+def data_size() -> int:
+    """Return the private memory of this process, as its bound counts it [bytes]; 0 where that cannot be told."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    except (OSError, ValueError, IndexError, AttributeError):
+        return 0
+
+
+@contextlib.contextmanager
+def limited_memory(driver: DriverItem) -> Iterator[None]:
+    """Bound the memory of this process to a driver's `memory_mb` meanwhile. Programs have a bound of their own.
+
+    Args:
+        driver: of the runs.
+    """
+    if resource is None or driver.is_program:
+        yield
+        return
+    before, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = driver.memory_mb * 2**20
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (before, hard))

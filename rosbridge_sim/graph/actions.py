@@ -486,7 +486,7 @@ class Actions:
             code = _TERMINATED if is_ended else _UNKNOWN_GOAL
         time_value = self._state.store.time_value
         infos = [type(info)(type(info.goal_id)(goal.uuid), time_value(goal.stamp_ns)) for goal in goals]
-        call.answer(call.service.type.response.struct_type(code, infos))
+        call.respond(code, infos)
         for goal in goals:
             goal.cancel()
 

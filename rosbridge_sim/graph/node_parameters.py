@@ -115,7 +115,7 @@ class _NodeParameters:
 
     def _provide(self, name: str, type_name: str, respond: Callable[[_Struct, Participant], object]) -> None:
         def handle(call: Call, _now: float) -> None:
-            call.answer(call.service.type.response.struct_type(respond(call.request, call.caller)))
+            call.respond(respond(call.request, call.caller))
 
         self._bus.provide(self, f"{self.name}/{name}", f"rcl_interfaces/{type_name}", handle, is_exclusive=True)
 

@@ -358,7 +358,7 @@ class Rosapi:
             self._params.put(self._parameter_name(request.name), request.value, call.caller)
         except orjson.JSONDecodeError:
             raise GraphError(_BAD_VALUE) from None
-        call.answer(call.service.type.response.struct_type())
+        call.respond()
 
     def _get_param(self, request: _Request) -> _Fields:
         name = self._parameter_name(request.name)
@@ -410,7 +410,7 @@ def _prefix(namespace: str) -> str:
 
 def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], None]:
     def handle(call: Call, _now: float) -> None:
-        call.answer(call.service.type.response.struct_type(**respond(call.request)))
+        call.respond(**respond(call.request))
 
     return handle
 

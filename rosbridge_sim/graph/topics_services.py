@@ -11,8 +11,8 @@ from typing import Protocol
 
 import msgspec
 
-from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.participant import Notify, Participant, decode_body, is_guest
+from rosbridge_sim.errors import PeerError, Reason
+from rosbridge_sim.graph.participant import Notify, Participant, decode_body, explain, is_guest
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.body_limits import LIGHT, BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
@@ -350,6 +350,24 @@ class Call(msgspec.Struct, eq=False):
             values: a struct of the service's response type.
         """
         self._end(Answer(is_ok=True, values=Message(self.service.type.response, values)))
+
+    def respond(self, *values: object, **fields: object) -> None:
+        """End the call with a response of these fields."""
+        self.answer(self.service.type.response.struct_type(*values, **fields))
+
+    def fail(self, error: PeerError) -> None:
+        """End the call with the fields `result` and `message` of a response, and tell the caller why."""
+        self.explain(error, error.reason)
+        self.respond(result=False, message=str(error))
+
+    def explain(self, why: object, reason: Reason, level: str = "error") -> None:
+        """Tell the caller why the request was refused, or not quite carried out; the call goes on.
+
+        Args:
+            reason: kind of mistake.
+            level: `warning` or `error`.
+        """
+        explain(self.caller, level, f"{self.service.name}: {why}", reason)
 
     def answer_with(self, message: Message) -> None:
         """End the call with a response that may have been encoded already.

@@ -7,6 +7,7 @@ from operator import attrgetter
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.messages.convert import Converter
+from rosbridge_sim.records import asdict
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import Networks
@@ -29,6 +30,7 @@ from rosbridge_sim.simulator.kernel.real_time import set_real_time_factor
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.scene_changes import SceneChanges
 from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
+from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
 from rosbridge_sim.simulator.kernel.sync_info import SyncInfo
 from rosbridge_sim.simulator.kernel.tf_publisher import TF, StaticTf, TfPublisher
@@ -109,16 +111,15 @@ def make_node(
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
     """
     chosen = settings or NodeSettings()
-    reader = reader or AtOnce()
-    context = _make_context(bus, world, library, scenario, chosen, reader)
+    context = _make_context(bus, world, library, scenario, chosen, reader or AtOnce())
     weather = WeatherControl(context, chosen.weather, rain_friction=chosen.rain_friction)
     mounted = MountedSensors(
         context, chosen.sensors, worker, weather, noise=chosen.sensor_noise, is_dressed=chosen.is_dressed
     )
     sensors = Sensors(context, archive, chosen.sensor_noise, mounted=mounted)
     CommandExecutor(context, sensors)
-    replay = Replay(context, recordings, reader, is_showing_drives=chosen.replay_info)
-    road_services = RoadServices(context, reader)
+    replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
+    road_services = RoadServices(context)
     traffic = Traffic(context, chosen.traffic, wanders=chosen.traffic_wander)
     commands = CommandTopics(context)
     components: list[Component] = [
@@ -126,9 +127,9 @@ def make_node(
         TrafficLightTopics(context),
         sensors,
         mounted,
-        SensorService(context, mounted, reader),
+        SensorService(context, mounted),
         weather,
-        Loads(context, reader, networks, has_traffic=chosen.traffic > 0),
+        Loads(context, networks, has_traffic=chosen.traffic > 0),
         Services(context),
         commands,
         replay,
@@ -140,12 +141,12 @@ def make_node(
         Population(context),
         road_services,
         SceneState(context, road_services),
-        SceneMesh(context, reader, road_services, is_dressed=chosen.is_dressed),
+        SceneMesh(context, road_services, is_dressed=chosen.is_dressed),
         Contacts(context),
         Drivers(context),
         Describe(context),
-        SceneMarkers(context, reader),
-        Scenarios(context, reader, shelf),
+        SceneMarkers(context),
+        Scenarios(context, shelf),
         traffic,
     ]
     if chosen.standard_topics:
@@ -154,7 +155,7 @@ def make_node(
             RobotDescription(context),
         ]
     # The last one: its hash covers what all others do behind a frame.
-    components.append(Snapshots(context, components, replay, reader, recordings))
+    components.append(Snapshots(context, components, replay, recordings))
     set_real_time_factor(context, chosen.real_time_factor, 0.0)
     return SimulatorNode(context, components)
 
@@ -205,46 +206,7 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     publishers.add("/tf", TF, lambda: transforms.moving(egos), is_exclusive=False)
     sync_info = SyncInfo(bus.store, world, sync, publishers)
     static_tf = StaticTf(transforms, egos, publishers)
-    pacer = RealTimePacer()
-    gate = FrameGate()
-    stepper = FrameStepper(
-        world=world,
-        step=step,
-        sync=sync,
-        egos=egos,
-        hooks=hooks,
-        time=time,
-        pacer=pacer,
-        publishers=publishers,
-        sync_info=sync_info,
-    )
-    sync_driver = SyncDriver(
-        world=world,
-        sync=sync,
-        barrier=barrier,
-        stepper=stepper,
-        pacer=pacer,
-        publishers=publishers,
-        hooks=hooks,
-        failure=failure,
-        gate=gate,
-    )
-    ego_interfaces = EgoInterfaces(interfaces, publishers, hooks)
-    scene_changes = SceneChanges(
-        scene=scene,
-        egos=egos,
-        ego_interfaces=ego_interfaces,
-        interfaces=interfaces,
-        publishers=publishers,
-        hooks=hooks,
-        sync=sync,
-        sync_driver=sync_driver,
-        sync_info=sync_info,
-        stepper=stepper,
-        time=time,
-        static_tf=static_tf,
-    )
-    return SimulatorContext(
+    parts = SimulatorParts(
         bus=bus,
         participant=participant,
         world=world,
@@ -260,15 +222,22 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
         publishers=publishers,
         failure=failure,
         time=time,
-        pacer=pacer,
+        pacer=RealTimePacer(),
         sync_info=sync_info,
         static_tf=static_tf,
-        gate=gate,
-        projection_import=ProjectionImport(bus, participant, gate, reader, GpsSpec.load_library),
-        command_wait=CommandWait(settings.command_deadline, bus=bus, egos=egos, hooks=hooks),
+        gate=FrameGate(),
+        reader=reader,
+    )
+    stepper = FrameStepper(parts, step)
+    sync_driver = SyncDriver(parts, stepper)
+    ego_interfaces = EgoInterfaces(parts)
+    return SimulatorContext(
+        **asdict(parts),
+        projection_import=ProjectionImport(parts, GpsSpec.load_library),
+        command_wait=CommandWait(parts, settings.command_deadline),
         stepper=stepper,
         sync_driver=sync_driver,
         late_work=LateWork(sync_driver, bus.guard),
         ego_interfaces=ego_interfaces,
-        scene_changes=scene_changes,
+        scene_changes=SceneChanges(parts, stepper, sync_driver, ego_interfaces),
     )

@@ -77,16 +77,16 @@ class StandardTopics(Component):
         self._cmd_vel = cmd_vel
         self._commands = commands
         make = partial(maker, context.bus.store)
-        self._vector = make("geometry_msgs/Vector3", "x", "y", "z")
-        self._point = make("geometry_msgs/Point", "x", "y", "z")
-        self._axes = make("geometry_msgs/Quaternion", "x", "y", "z", "w")
-        self._pose = make("geometry_msgs/Pose", "position", "orientation")
-        self._twist = make("geometry_msgs/Twist", "linear", "angular")
+        self._vector = make("geometry_msgs/Vector3", "x y z")
+        self._point = make("geometry_msgs/Point", "x y z")
+        self._axes = make("geometry_msgs/Quaternion", "x y z w")
+        self._pose = make("geometry_msgs/Pose", "position orientation")
+        self._twist = make("geometry_msgs/Twist", "linear angular")
         self._some_pose = make("geometry_msgs/PoseWithCovariance", "pose")
         self._some_twist = make("geometry_msgs/TwistWithCovariance", "twist")
-        self._odometry = make("nav_msgs/Odometry", "header", "child_frame_id", "pose", "twist")
-        self._status = make("sensor_msgs/NavSatStatus", "status", "service")
-        self._fix = make("sensor_msgs/NavSatFix", "header", "status", "latitude", "longitude", "altitude")
+        self._odometry = make("nav_msgs/Odometry", "header child_frame_id pose twist")
+        self._status = make("sensor_msgs/NavSatStatus", "status service")
+        self._fix = make("sensor_msgs/NavSatFix", "header status latitude longitude altitude")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Subscribe to what services do for other clients: nodes of ROS 2 cannot call them."""

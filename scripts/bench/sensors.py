@@ -36,16 +36,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.client import Client
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, mount, rotation
-from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.shell.rendering.camera_renderer import SAMPLES, CameraRenderer
-from rosbridge_sim.shell.rendering.gl_context import open_context
+from rosbridge_sim.shell.rendering.camera_renderer import SAMPLES, CameraRenderer, open_context
 from rosbridge_sim.shell.rendering.jpeg import encode_jpeg
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
+from rosbridge_sim.simulator.sensors.lidar_3d import LIDAR_MODELS
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
 from scripts.soak.harness import Bystander

@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import ast
 import gc
-import mmap
-import multiprocessing
 import os
 import pickle
 import resource
@@ -139,8 +137,6 @@ class Tests:
                 raise RuntimeError(
                     f"{target.file}: expected its functions among all objects, so that mutants can be put in"
                 )
-        fork = multiprocessing.get_context("fork")  # workers that a test starts get the mutant with their memory
-        setattr(multiprocessing, "get_context", lambda _method=None: fork)  # noqa: B010 - of another signature
         self._caches = [thing for thing in gc.get_objects() if _is_cache_of_ours(thing)]
         self._readers = _Readers(targets)
         self.took: list[float] = []
@@ -204,26 +200,23 @@ class Tests:
         took: list[float] = []
         lines: list[dict[str, frozenset[int]]] = []
         failed: list[int] = []
-        places: dict[str, slice] = {}
-        for path in sorted(self._readers.paths):
-            start = max((place.stop for place in places.values()), default=0)
-            places[path] = slice(start, start + len(Path(path).read_bytes().splitlines()) + 2)
-        ran = mmap.mmap(-1, max(place.stop for place in places.values()))  # shared with the workers of a test
+        ran: dict[str, set[int]] = {}
+        paths = self._readers.paths
 
         def trace(frame: FrameType, event: str, argument: object) -> Trace | None:  # noqa: ARG001 - Python's signature
-            place = places.get(frame.f_code.co_filename)
-            if place is None:
+            path = frame.f_code.co_filename
+            if path not in paths:
                 return None
-            start = place.start
+            seen = ran.setdefault(path, set())
 
             def trace_line(frame: FrameType, event: str, argument: object) -> Trace:  # noqa: ARG001 - as above
-                ran[start + frame.f_lineno] = 1
+                seen.add(frame.f_lineno)
                 return trace_line
 
             return trace_line
 
         for i, item in enumerate(self._items):
-            ran[:] = bytes(len(ran))
+            ran.clear()
             for cache in self._caches:  # else only the first test of all would run what is remembered
                 cache.cache_clear()
             began = time.process_time()
@@ -235,9 +228,7 @@ class Tests:
                 sys.settrace(None)
                 threading.settrace(None)
             took.append(time.process_time() - began)
-            seen = np.frombuffer(ran[:], dtype=bool)
-            found = {path: frozenset(np.flatnonzero(seen[place]).tolist()) for path, place in places.items()}
-            lines.append({path: numbers for path, numbers in found.items() if numbers})
+            lines.append({path: frozenset(numbers) for path, numbers in ran.items()})
             if not is_right:
                 failed.append(i)
         send((took, lines, failed))

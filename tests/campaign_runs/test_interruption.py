@@ -161,7 +161,8 @@ def test_second_campaign_in_a_folder_is_refused_until_the_first_has_ended_howeve
     folder: CampaignFolder, capfd: pytest.CaptureFixture[str]
 ) -> None:
     folder.write("c.toml", 'scenario = "loop"\nseconds = 0.1\n')
-    holder = "from rosbridge_sim.campaign_runs.folder_lock import FolderLock; import time; from pathlib import Path\n"
+    holder = "from rosbridge_sim.campaign_runs.results_folder import FolderLock\n"
+    holder += "import time; from pathlib import Path\n"
     holder += "lock = FolderLock(Path('out/.lock')); print('held', flush=True); time.sleep(600)"
     work = folder.path / "out" / ".work" / "run-1-a"
     work.mkdir(parents=True)

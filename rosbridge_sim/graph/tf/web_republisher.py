@@ -240,7 +240,7 @@ class WebRepublisher:
         self._stream_topics[topic] = _StreamTopic(stream, topic, timeout or DEFAULT_TIMEOUT, unheard_since=now)
         self._bus.agenda.announce(self._sweep_due)
         self._start(topic, stream, now)
-        call.answer(call.service.type.response.struct_type(topic_name=name))
+        call.respond(topic_name=name)
 
     def _take_goal(self, goal: Goal) -> None:
         """Start a goal, from the ROS 2 action or from the topics of ROS 1."""

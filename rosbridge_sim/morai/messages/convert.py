@@ -79,8 +79,8 @@ class Converter:
         self.profile = profile
         self.wall_ns: int | None = None
         self._store = store
-        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
+        self._header = maker(store, "std_msgs/Header", "seq stamp frame_id")
         self._clock = maker(store, "rosgraph_msgs/Clock", "clock")
         self._wheel_factor = DEGREES if profile.wheel_angle_unit == "deg" else 1.0
         figures = {
@@ -100,36 +100,34 @@ class Converter:
         self._ego = maker(
             store,
             "morai_msgs/EgoVehicleStatus",
-            *("header", "unique_id", "acceleration", "position", "velocity", "heading", "accel", "brake"),
-            *(name for name in fields if name in figures),
+            " ".join(
+                ["header unique_id acceleration position velocity heading accel brake"]
+                + [name for name in fields if name in figures]
+            ),
         )
         self._object = maker(
-            store,
-            "morai_msgs/ObjectStatus",
-            *("unique_id", "type", "name", "heading", "velocity", "acceleration", "size", "position"),
+            store, "morai_msgs/ObjectStatus", "unique_id type name heading velocity acceleration size position"
         )
         self._objects = maker(
             store,
             "morai_msgs/ObjectStatusList",
-            *("header", "num_of_npcs", "num_of_pedestrian", "num_of_obstacle"),
-            *("npc_list", "pedestrian_list", "obstacle_list"),
+            "header num_of_npcs num_of_pedestrian num_of_obstacle npc_list pedestrian_list obstacle_list",
         )
         self._collision = late_maker(
             store,
             "morai_msgs/CollisionData",
-            *("header", "global_offset_x", "global_offset_y", "global_offset_z"),
-            *("collision_object", "collision_objecta"),
+            "header global_offset_x global_offset_y global_offset_z collision_object collision_objecta",
         )
         self._crash = late_maker(store, "morai_msgs/VehicleCollision", "crashed_vehicles")
-        self._crashes = late_maker(store, "morai_msgs/VehicleCollisionData", "header", "collisions")
+        self._crashes = late_maker(store, "morai_msgs/VehicleCollisionData", "header collisions")
         self._map_spec = late_maker(
             store,
             "morai_msgs/MapSpec",
-            *("plane_coordinate_system", "utm_num", "utm_offset", "ellipse", "central_latitude", "central_meridian"),
-            *("scale_factor", "false_easting", "false_northing"),
+            "plane_coordinate_system utm_num utm_offset ellipse central_latitude central_meridian "
+            "scale_factor false_easting false_northing",
         )
         self._vehicle_spec = late_maker(
-            store, "morai_msgs/VehicleSpec", "size", "wheel_base", "max_steering", "overhang", "rear_overhang"
+            store, "morai_msgs/VehicleSpec", "size wheel_base max_steering overhang rear_overhang"
         )
         fields = store.message("morai_msgs/CtrlCmd").struct_type.__struct_fields__
         self.steering = "steering" if "steering" in fields else "front_steer"
@@ -393,7 +391,7 @@ class Converter:
         ]
 
 
-def late_maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
+def late_maker(store: Store, type_name: str, names: str) -> Callable[..., Any]:
     """Return the same as `maker`, but compile the type at the first call: most servers send no such message.
 
     A call costs 0.1 us more, so what is made for each object of each frame has `maker`.
@@ -402,13 +400,13 @@ def late_maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
 
     def make(*values: object) -> object:
         if not made:
-            made.append(maker(store, type_name, *names))
+            made.append(maker(store, type_name, names))
         return made[0](*values)
 
     return make
 
 
-def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
+def maker(store: Store, type_name: str, names: str) -> Callable[..., Any]:
     """Return a function that makes structs of a type from field values in a fixed order.
 
     The function is the struct class itself if the type begins with just these fields, as in the newest release that has
@@ -419,17 +417,18 @@ def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
     Args:
         store: has the type.
         type_name: package and type.
-        names: the fields, in the order of the function's arguments.
+        names: the fields with blanks between them, in the order of the function's arguments.
 
     Returns:
-        A function of `len(names)` positional arguments.
+        A function of as many positional arguments.
     """
     struct = store.message(type_name).struct_type
     fields = struct.__struct_fields__
-    if fields[: len(names)] == names:
+    wanted = tuple(names.split())
+    if fields[: len(wanted)] == wanted:
         return struct
-    num = sum(name in fields for name in names)
-    if fields[:num] == names[:num]:
+    num = sum(name in fields for name in wanted)
+    if fields[:num] == wanted[:num]:
         return lambda *values: struct(*values[:num])
-    places = [(i, name) for i, name in enumerate(names) if name in fields]
+    places = [(i, name) for i, name in enumerate(wanted) if name in fields]
     return lambda *values: struct(**{name: values[i] for i, name in places})

@@ -20,11 +20,11 @@ from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
 from rosbridge_sim.scenery.pictures import EXTINCTION, NOBODY, Channel, Picture, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.shell.rendering import shaders
-from rosbridge_sim.shell.rendering.gl_context import open_context
 from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer, planes_of
 from rosbridge_sim.shell.rendering.lens import Lens
 from rosbridge_sim.shell.rendering.shaders import Coat
 from rosbridge_sim.shell.rendering.targets import Targets
+from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError, missing_library
 from rosbridge_sim.shell.rendering.weather_looks import LOOKS, WeatherLook
 from rosbridge_sim.world.geometry.planar import FloatArray
 
@@ -320,3 +320,25 @@ def _beams(frame: SceneFrame, eye: FloatArray) -> tuple[FloatArray, FloatArray]:
     places = frame.poses[rows, :3] + ahead * nose[:, None] + (0.0, 0.0, 0.65)
     ways = ahead - (0.0, 0.0, 0.06)
     return places, ways / np.maximum(np.linalg.norm(ways, axis=1), 1e-9)[:, None]
+
+
+def open_context() -> moderngl.Context:
+    """Return a context of OpenGL 3.3, which belongs to this thread.
+
+    Raises:
+        RenderingUnavailableError: a library is missing; the text says what to install.
+    """
+    try:
+        # Imported here, because a server without cameras never needs it.
+        import moderngl  # noqa: PLC0415
+    except ImportError as error:
+        raise missing_library("cameras", "moderngl") from error
+    try:
+        context = moderngl.create_context(require=330, standalone=True, backend="egl")
+    except Exception as error:  # the library raises plain Exception
+        raise RenderingUnavailableError(
+            f"cameras need OpenGL 3.3 by EGL, and it cannot be opened: {error}. On Debian and Ubuntu:"
+            " apt-get install libegl1 libgl1 libgl1-mesa-dri"
+        ) from error
+    context.gc_mode = "auto"  # what Python drops is freed, also the parts of framebuffers
+    return context

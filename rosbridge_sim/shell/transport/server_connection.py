@@ -11,24 +11,43 @@ A text message must be UTF-8 (RFC 6455 section 8.1); otherwise the connection en
 is ASCII, which is checked very fast. A long text beyond ASCII is checked in slices before the receiver gets it.
 The library's parser must only get complete frames, so that its state is always between two frames: incomplete data is
 kept here. A frame that is too long is passed on incomplete; it ends the connection.
+The HTTP request is read here, too, as far as the library would close it without an answer. What is read before a
+connection is trusted has a limit.
 Rejected design: a separate class beside `ServerConnection` would repeat its closing, its pings and its time-outs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from time import perf_counter
+from typing import Protocol
 
+from websockets.asyncio.server import ServerConnection
+from websockets.frames import CloseCode
 from websockets.protocol import State
 
 from rosbridge_sim.link.frame_heads import BINARY, TEXT, head_of
-from rosbridge_sim.link.websocket_internals import apply_mask
+from rosbridge_sim.link.websocket_internals import MessageConnection, apply_mask
 from rosbridge_sim.long_text import LEAST, LongText, find_long_text
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.json_decoding import HEAVY
+from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.transport.inflate import Deflated, DeflatedText
-from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY, Receiver, ReceivingConnection
+from rosbridge_sim.shell.transport.request_faults import TOO_LONG, find_fault, find_first_fault
 from rosbridge_sim.shell.transport.text_check import TextCheck
+from rosbridge_sim.shell.transport.waiting_pings import CONTROL, PING, take_out_pings
+
+MAX_EARLY = 16 * 2**10
+"""Received bytes that may wait before the other side is trusted, and the longest HTTP request, as in Node.js."""
+
+COMPRESSED_AT_ONCE = 32 * 2**10
+"""Bytes compressed in one slice: 2 ms for text without repetition. A longer message is sent in fragments (RFC 6455
+section 5.4), and other clients have their turn in between."""
+
+MAX_DISCARDED = 16 * 2**20
+"""Bytes that are read and dropped behind a request that was turned away. A program that sends a body reads the answer
+when it has sent all of it; if the socket were closed before, the system would drop the answer, too."""
 
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport stops reading."""
@@ -40,21 +59,72 @@ that it is dead: the simulator stops its work within half a second, and most cal
 LARGE = 16 * 2**10
 """A frame of at least this size is not copied again to put its head in front [bytes]."""
 
+_BLANK_LINE = b"\r\n\r\n"
 _OPEN, _CLOSED = State.OPEN, State.CLOSED
-_CONTROL = 0x08
-"""Bit of a frame's first byte: a ping, a pong or a close (RFC 6455 section 5.2)."""
-
-_CLOSE = 0x88
-_PING = 0x89
-_PONG = 0x8A
 _WHOLE = (TEXT, BINARY)
 
 
-class DirectConnection(ReceivingConnection):
-    """A connection that reads and writes complete frames with this package's own code; `recv` returns nothing."""
+def _ignore(_size: int) -> None:
+    """Do nothing: no receiver listens yet."""
+
+
+class Receiver(Protocol):
+    """Takes the messages of a connection."""
+
+    def begin(self) -> float:
+        """Begin a turn.
+
+        Returns:
+            End of the turn, by `perf_counter` [s]; it may be over already.
+        """
+
+    def receive(self, message: bytes) -> bool:
+        """Handle a message. Must not raise.
+
+        Returns:
+            True if the next one may come.
+        """
+
+    def wait(self, *, had_turn: bool) -> None:
+        """Call the connection's `go_on` later, because messages are left or the end is; see also `has_pings`.
+
+        Args:
+            had_turn: this connection had a turn in this round.
+        """
+
+
+class DirectConnection(MessageConnection, ServerConnection):
+    """A connection that reads and writes complete frames with this package's own code; `recv` returns nothing.
+
+    Each message goes to a receiver, after `listen` was called.
+
+    Attributes:
+        on_too_long: called with the size of a frame [bytes] before it is refused because it is too long; less than 0 if
+            it is not masked. Without another end of the connection, the library closes it.
+        has_request: the head of its request is complete, or was turned away.
+        is_trusted: set before `listen`, and never reset. While it is False, fewer received bytes are kept.
+        num_early: bytes received after the HTTP request while the connection was not trusted.
+        num_bytes_received: all bytes received, the HTTP request included.
+        is_held: received data is kept for later.
+        has_pings: `go_on_with_pings` must be called in a later turn, even while the receiver accepts no message.
+        unsent: messages that `send_more` must still compress and send.
+        is_text: the message that the receiver gets now was sent as text. Read it only during `receive`.
+    """
 
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
+        self.on_too_long: Callable[[int], None] = _ignore
+        self.has_request = False
+        self.is_trusted = False
+        self.num_early = 0
+        self.num_bytes_received = 0
+        self.is_held = True
+        self.has_pings = False
+        self.unsent: deque[bytes] = deque()
+        self.is_text = True
+        self._receiver: Receiver | None = None
+        self._head = bytearray()  # the HTTP request so far
+        self._num_compressed = 0  # bytes already sent of the first message in `unsent`
         self._kept = bytearray()  # an incomplete frame, or frames that wait for their turn
         self._need = 0  # length of `_kept` at which reading can continue
         self._num_scanned = 0  # bytes of `_kept` in which no ping or pong is left
@@ -70,7 +140,8 @@ class DirectConnection(ReceivingConnection):
     def num_bytes_held(self) -> int:
         """Bytes that were received and not handled yet, and bytes to be compressed."""
         checked = 0 if self._check is None else len(self._check.message)
-        return super().num_bytes_held + len(self._kept) + checked
+        unhandled = self.num_bytes_in_fragments + len(self._kept) + checked
+        return unhandled + sum(map(len, self.unsent))
 
     def listen(self, receiver: Receiver) -> None:
         """Give all messages to a receiver from now on, beginning with those that have already come."""
@@ -121,7 +192,8 @@ class DirectConnection(ReceivingConnection):
 
     def forget(self) -> None:
         """Ignore all messages from now on, including those held back, because the connection is closing."""
-        super().forget()
+        self.forget_fragments()
+        self.unsent.clear()
         self._is_dropping = True
         self._check = None
 
@@ -147,6 +219,28 @@ class DirectConnection(ReceivingConnection):
         self.transport.write(data)
         return len(data)
 
+    def send_more(self) -> int:
+        """Compress a slice of `unsent`, and give it to the transport. The connection must be open.
+
+        Returns:
+            Number of bytes given to the transport.
+        """
+        core = self.core
+        left = COMPRESSED_AT_ONCE
+        while self.unsent and left > 0:
+            message, start = self.unsent[0], self._num_compressed
+            part = memoryview(message)[start : start + COMPRESSED_AT_ONCE]
+            is_last = start + len(part) == len(message)
+            if start:
+                core.send_continuation(part, fin=is_last)
+            else:
+                (core.send_binary if type(message) is BinaryFrame else core.send_text)(part, fin=is_last)
+            if is_last:
+                self.unsent.popleft()
+            self._num_compressed = 0 if is_last else start + len(part)
+            left -= len(part)
+        return self.flush()
+
     # Called by the transport
 
     def resume_writing(self) -> None:
@@ -161,7 +255,7 @@ class DirectConnection(ReceivingConnection):
         Only the newest such ping is answered later, which RFC 6455 section 5.5.3 allows. The answers to a client that
         does not read would otherwise grow without limit.
         """
-        if frame[0] == _PING and self.is_full:
+        if frame[0] == PING and self.is_full:
             self._ping = frame
         else:
             self.feed(frame)
@@ -224,7 +318,7 @@ class DirectConnection(ReceivingConnection):
         self.loop.call_later(PROBE_INTERVAL, self._probe)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Drop everything that cannot be answered any more.
+        """Drop everything that cannot be answered or sent any more.
 
         Args:
             exc: the error of the transport, or None.
@@ -234,6 +328,7 @@ class DirectConnection(ReceivingConnection):
         self._ping = b""
         self._has_ended = False
         self._is_dropping = True
+        self.unsent.clear()
         super().connection_lost(exc)
 
     # Called by the library
@@ -253,6 +348,16 @@ class DirectConnection(ReceivingConnection):
         self._takes_more = self._receiver.receive(message)
         self.is_text = True
 
+    def refuse(self, fault: str) -> None:
+        """Fail the connection with code 1007, because data does not match its frame type (RFC 6455 section 7.4.1).
+
+        Args:
+            fault: reason, for the close frame.
+        """
+        self.on_room()  # sends the answers to earlier messages
+        self.forget()
+        self.fail(CloseCode.INVALID_DATA, fault)
+
     # Texts
 
     def _receive_long(self, message: bytes, receiver: Receiver) -> bool:
@@ -269,7 +374,7 @@ class DirectConnection(ReceivingConnection):
         return takes_more
 
     def find_long_text(self, message: bytes) -> LongText | None:
-        """See `ReceivingConnection`."""
+        """Return the long text of a message that the receiver gets now; None if it has none."""
         found = self._long_text
         return found if found is not None and found.text is message else find_long_text(message)
 
@@ -305,9 +410,12 @@ class DirectConnection(ReceivingConnection):
     # From bytes to messages
 
     def _end(self) -> None:
-        """Drop an incomplete frame, and close."""
+        """Close after the last byte was received and complete frames were handled: send the answers, drop the rest."""
         self._kept.clear()
-        super()._end()
+        self.on_room()
+        super().eof_received()
+        self.cut_off_unread()  # the transport itself has no time limit for sending its buffer
+        self.transport.close()
 
     # One long method, because a function call per frame would cost a tenth of the speed.
     def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915
@@ -358,7 +466,7 @@ class DirectConnection(ReceivingConnection):
                 self.is_held = True
                 break
             has_worked = True
-            if (self._is_dropping or state is not _OPEN) and not first & _CONTROL:
+            if (self._is_dropping or state is not _OPEN) and not first & CONTROL:
                 pass  # closing: only the other side's close frame is still needed
             elif first in _WHOLE and not self.is_in_fragments:
                 payload = data[start:stop] if size < LARGE else view[start:stop]  # a small copy is faster than a view
@@ -400,30 +508,12 @@ class DirectConnection(ReceivingConnection):
             self.transport.resume_reading()
 
     def _take_out_pings(self, until: float) -> None:
-        """Handle the pings and pongs among the frames that wait for the receiver, until the given time.
-
-        RFC 6455 section 5.5 has them come between any other frames. A receiver may accept no next message for a minute.
-        The connection would be taken for dead meanwhile, here and on the other side. Of several pings only the newest
-        is answered, which section 5.5.3 allows. The time is checked after each frame, because 0.8 MB may hold 130,000
-        pings.
-        """
-        kept = self._kept
-        start = position = self._num_scanned
-        others = bytearray()
-        ping = b""
-        while self.is_trusted and self.core.state is _OPEN and (stop := _end_of_frame(kept, position)):
-            if kept[position] == _PING:
-                ping = bytes(kept[position:stop])
-            elif kept[position] == _PONG:
-                self.feed(bytes(kept[position:stop]))
-            else:
-                others += memoryview(kept)[position:stop]
-            position = stop
-            if perf_counter() >= until:
-                self._wait_with_pings()
-                break
-        kept[start:position] = others
-        self._num_scanned = start + len(others)
+        """Handle the pings and pongs among the frames that wait for the receiver, until the given time."""
+        if not self.is_trusted or self.core.state is not _OPEN:
+            return
+        self._num_scanned, ping, is_over = take_out_pings(self._kept, self._num_scanned, until, self.feed)
+        if is_over:
+            self._wait_with_pings()
         if ping:
             self._hand_over(ping)
 
@@ -434,22 +524,84 @@ class DirectConnection(ReceivingConnection):
             self.has_pings = True
             self._receiver.wait(had_turn=True)
 
+    # The beginning
 
-def _end_of_frame(data: bytearray, position: int) -> int:
-    """Return the end of the frame at a position; 0 if it is incomplete, wrong or a close frame.
+    def _read_early(self, data: bytes) -> bytes:
+        """Count received bytes; return those behind the HTTP request."""
+        if not self.has_request:
+            data = self._read_head(data)
+        self.num_early += len(data)
+        if self.has_request and self.request is None:  # it was turned away
+            if self.num_early > MAX_DISCARDED:
+                self.transport.abort()
+            return b""
+        if self.num_early > MAX_EARLY and self.core.state is State.CONNECTING:
+            # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
+            self.transport.abort()
+            return b""
+        return data
 
-    Args:
-        data: received frames.
-        position: start of a frame, or the end of the data.
-    """
-    start = position + 6  # RFC 6455 section 5.2, as in `DirectConnection._read`
-    if start > len(data) or data[position] == _CLOSE:
-        return 0
-    size = data[position + 1] - 0x80
-    if size >= 126:  # noqa: PLR2004 - the same
-        start += 2 if size == 126 else 8  # noqa: PLR2004 - the same
-        if start > len(data) or data[position] & _CONTROL:  # the library refuses a long ping in its turn
-            return 0
-        size = int.from_bytes(data[position + 2 : start - 4], "big")
-    stop = start + size
-    return stop if size >= 0 and stop <= len(data) else 0
+    def _read_head(self, data: bytes) -> bytes:
+        """Keep the HTTP request until it is complete, and give it to the library; return the bytes behind it.
+
+        The library closes what it cannot read without an answer, so such a request is answered here.
+        """
+        head = self._head
+        searched = max(0, len(head) - len(_BLANK_LINE) + 1)
+        head += data
+        end = head.find(_BLANK_LINE, searched)
+        size = len(head) if end < 0 else end + len(_BLANK_LINE)
+        if size > MAX_EARLY:
+            self._turn_away(TOO_LONG, head)
+            return b""
+        if end < 0:
+            fault = find_first_fault(head)
+            if fault is None:
+                self.await_head()
+            else:
+                self._turn_away(fault, head)
+            return b""
+        self._head = bytearray()
+        self.has_request = True
+        whole, rest = bytes(head[:size]), bytes(head[size:])
+        if not self.answer(whole, len(rest)):
+            fault = find_fault(whole)
+            if fault is None:
+                self.feed_head(whole)
+            else:
+                self._turn_away(fault, whole)
+        return rest
+
+    def _turn_away(self, answer: bytes, head: bytes | bytearray) -> None:
+        """Answer a request that the library cannot read; then drop all that comes, and close.
+
+        Args:
+            answer: from `request_faults`. To HEAD it is sent without its body.
+            head: the request, as far as it has come.
+        """
+        if head.startswith(b"HEAD "):
+            answer = answer[: answer.index(_BLANK_LINE) + len(_BLANK_LINE)]
+        self.has_request = True
+        self._head = bytearray()
+        if self.transport.is_closing():
+            return
+        self.transport.write(answer)
+        if self.transport.can_write_eof():  # with TLS, the other side knows the end by the length of the answer
+            self.transport.write_eof()
+        self.cut_off_unread()
+
+    def await_head(self) -> None:
+        """Note that a part of a request has come, and more of it must come."""
+
+    def answer(self, _head: bytes, _num_behind: int) -> bool:
+        """Answer a whole request without the library; return False to leave it to the library.
+
+        Args:
+            _head: the request.
+            _num_behind: bytes that came behind it.
+        """
+        return False
+
+    def feed_head(self, head: bytes) -> None:
+        """Give a whole request to the library."""
+        self.feed(head)

@@ -10,8 +10,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from rosbridge_sim.loose_types import LibraryArgument
-from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY
-from rosbridge_sim.shell.transport.server_connection import DirectConnection
+from rosbridge_sim.shell.transport.server_connection import MAX_EARLY, DirectConnection
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
 from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
@@ -140,7 +139,7 @@ class ServedConnection(DirectConnection):
         on_lost()
 
     def answer(self, head: bytes, num_behind: int) -> bool:
-        """Let the server answer; see `ReceivingConnection.answer`.
+        """Let the server answer; see `DirectConnection.answer`.
 
         Args:
             num_behind: bytes that came behind it.

@@ -418,14 +418,14 @@ class Server:
             response = self._regret_request(connection)
         return self._finish(connection, request, response)
 
-    def _regret_request(self, connection: ServerConnection) -> Response:
+    def _regret_request(self, connection: ServedConnection) -> Response:
         """Count and log the current exception; answer that the server has failed."""
         self.num_bugs += 1
         _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
         return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
 
     def _judge_request(
-        self, connection: ServerConnection, request: Request
+        self, connection: ServedConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
         path = request.path.partition("?")[0]
         if path == "/healthz":
@@ -441,7 +441,7 @@ class Server:
         return self._judge_root(connection, request, path)
 
     def _judge_root(
-        self, connection: ServerConnection, request: Request, path: str
+        self, connection: ServedConnection, request: Request, path: str
     ) -> Response | Awaitable[Response | None] | None:
         is_root = path in {"", "/"}
         if is_root and is_upgrade(request):
@@ -457,13 +457,13 @@ class Server:
             return self._answer_below(connection, request, page, folder)
         return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
 
-    async def _answer_page(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
+    async def _answer_page(self, connection: ServedConnection, request: Request, page: WebPage, path: str) -> Response:
         """Answer with a file of the web page, for which nothing needs to be shown."""
         file = (await asyncio.shield(page.ask()))[path]
         return answer_file(connection, request, file, page.headers)
 
     async def _answer_below(
-        self, connection: ServerConnection, request: Request, page: WebPage, folder: str
+        self, connection: ServedConnection, request: Request, page: WebPage, folder: str
     ) -> Response:
         """Answer with a file of a folder beside the page, for which nothing needs to be shown."""
         path = request.path.partition("?")[0]
@@ -472,7 +472,7 @@ class Server:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; {folder} lists all\n")
         return answer_file(connection, request, file, page.headers)
 
-    def _tell_links(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
+    def _tell_links(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
         pages = {"map.json": self.ask_map, "log.json": self.render_log, "metrics": self.render_metrics}
         paths = [] if self.page is None else ["", *(folder.lstrip("/") for folder in self.page.folders)]
@@ -481,16 +481,21 @@ class Server:
         body = links_of(paths, has_version=access.judge_data(request, self.own_names) is None)
         response = answer_with(connection, HTTPStatus.OK, body, JSON_KIND)
         response.headers["Vary"] = "Accept"
+        return self._late_for_wrong_token(connection, request, response)
+
+    def _late_for_wrong_token(
+        self, connection: ServedConnection, request: Request, response: Response
+    ) -> Response | Awaitable[Response]:
+        """Delay an answer to a request with a wrong token; otherwise tokens could be tried here without a delay."""
+        access = self._limits.access
         if access.is_shown(request) or not access.shows_any(request):
             return response
-        assert isinstance(connection, ServedConnection)
-        self._limit(connection)  # otherwise tokens could be tried here without a delay
+        self._limit(connection)
         return answer_late(connection.lost, response, access.delay)
 
     def _judge_handshake(
-        self, connection: ServerConnection, request: Request
+        self, connection: ServedConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
-        assert isinstance(connection, ServedConnection)
         if speaks_another_version(request):
             return answer_version(connection)
         settle_upgrade(request)
@@ -523,7 +528,7 @@ class Server:
         if connection in self._tables.sockets:  # else it is already lost, and would never leave its place
             self._tables.unauthenticated.take(connection)
 
-    def _tell_health(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
+    def _tell_health(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer the state of the server as JSON. Requests that get no data get only status and reason."""
         why = self.why_unhealthy() or (STOPPING if self._is_stopping else None)
         health: dict[str, object] = {"status": "ok"}
@@ -534,20 +539,16 @@ class Server:
             health |= {"version": __version__, **self.describe(), "clients": len(self.clients)}
         code = HTTPStatus.OK if why is None else HTTPStatus.SERVICE_UNAVAILABLE
         response = answer_with(connection, code, f"{json.dumps(health)}\n".encode(), JSON_KIND)
-        if access.is_shown(request) or not access.shows_any(request):
-            return response
-        assert isinstance(connection, ServedConnection)
-        self._limit(connection)  # otherwise tokens could be tried here without a delay
-        return answer_late(connection.lost, response, access.delay)
+        return self._late_for_wrong_token(connection, request, response)
 
-    def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
+    def _tell_version(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer name, version and protocol, to those who may have data."""
         refusal = self._refuse_data(connection, request, "/version")
         return refusal or answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
 
     def _tell_metrics(
         self,
-        connection: ServerConnection,
+        connection: ServedConnection,
         request: Request,
         render: Callable[[str], Awaitable[tuple[bytes, str]]],
     ) -> Response | Awaitable[Response]:
@@ -555,12 +556,12 @@ class Server:
         refusal = self._refuse_data(connection, request, "/metrics")
         return refusal or self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
 
-    async def _answer_metrics(self, connection: ServerConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
+    async def _answer_metrics(self, connection: ServedConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
         body, content_type = await rendered
         return answer_with(connection, HTTPStatus.OK, body, content_type)
 
     def _tell_log(
-        self, connection: ServerConnection, request: Request, render: Callable[[bool], bytes]
+        self, connection: ServedConnection, request: Request, render: Callable[[bool], bytes]
     ) -> Response | Awaitable[Response]:
         """Answer the last refusals and warnings, to those who may have data and subscribe to `/sim/refusals`."""
         refusal = self._refuse_data(connection, request, "/log.json")
@@ -576,7 +577,7 @@ class Server:
 
     def _tell_map(
         self,
-        connection: ServerConnection,
+        connection: ServedConnection,
         request: Request,
         ask: Callable[[str], asyncio.Future[MapText] | None],
     ) -> Response | Awaitable[Response]:
@@ -591,11 +592,10 @@ class Server:
         asked = ask(", ".join(request.headers.get_all("If-None-Match")))
         if asked is None:
             return connection.respond(HTTPStatus.NOT_FOUND, f"The settings have {MAP_SERVICE} turned off\n")
-        assert isinstance(connection, ServedConnection)
         return answer_map(connection, asked, connection.lost)
 
     def _refuse_data(
-        self, connection: ServerConnection, request: Request, path: str
+        self, connection: ServedConnection, request: Request, path: str
     ) -> Response | Awaitable[Response] | None:
         """Refuse a path with data to requests without the token, or with an unknown Host; None if it may be told."""
         refusal = self._limits.access.judge_data(request, self.own_names)
@@ -605,7 +605,6 @@ class Server:
         if refusal.status is not HTTPStatus.UNAUTHORIZED:
             self._refused_origins.log(_log, address_of(connection), refusal.text, refusal.origin)
             return response
-        assert isinstance(connection, ServedConnection)
         self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{path} needs the token")
         return self._delay(connection, response)
 

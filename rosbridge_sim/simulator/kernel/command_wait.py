@@ -17,11 +17,9 @@ import math
 
 import msgspec
 
-from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
-from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -34,20 +32,16 @@ class CommandWait:
         num_missed: frames that went on without a command.
     """
 
-    def __init__(self, deadline: float | None, *, bus: Bus, egos: EgoRegistry, hooks: Hooks) -> None:
+    def __init__(self, parts: SimulatorParts, deadline: float | None) -> None:
         """Wait for the first command.
 
         Args:
             deadline: longest wait for the commands of a frame [s]; None turns the lock step off.
-            bus: has the stamp of the frame.
-            egos: those that are commanded.
-            hooks: a frame, a new scene or a restore begins a new wait.
         """
         self.is_on = deadline is not None
         self.num_missed = 0
         self._deadline = deadline or 0.0
-        self._bus = bus
-        self._egos = egos
+        self._bus, self._egos, hooks = parts.bus, parts.egos, parts.hooks
         self._commanded: set[int] = set()  # egos whose command of the last frame has come, by their numbers
         self._since: float | None = None  # when the wait began [s]
         self._other_stamp: int | None = None  # of the last command that did not belong to its frame [ns]

@@ -5,11 +5,9 @@ from __future__ import annotations
 import logging
 from typing import Final
 
-from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
-from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 
 MAX_GONE: Final = 1_000
@@ -26,17 +24,9 @@ def ego_prefix(index: int) -> str:
 class EgoInterfaces:
     """Topics and services of all egos except the first one, whose names never go away."""
 
-    def __init__(self, interfaces: InterfaceRegistry, publishers: Publishers, hooks: Hooks) -> None:
-        """Start without further egos.
-
-        Args:
-            interfaces: take the services and input topics.
-            publishers: take the output topics.
-            hooks: `on_new_ego` adds the topics and services of an ego.
-        """
-        self._interfaces = interfaces
-        self._publishers = publishers
-        self._hooks = hooks
+    def __init__(self, parts: SimulatorParts) -> None:
+        """Start without further egos."""
+        self._interfaces, self._publishers, self._hooks = parts.interfaces, parts.publishers, parts.hooks
         self._bindings: dict[int, SubscribersServices] = {}  # by the egos' numbers
         self._gone: dict[str, int] = {}  # services of egos that have left, and the egos' numbers
 

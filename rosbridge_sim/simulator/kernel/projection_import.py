@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
-from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
+from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
+from rosbridge_sim.simulator.plain.reading import read_while_held
 
 _TYPES: Final = ("morai_msgs/GPSMessage", "sensor_msgs/NavSatFix")
 """Types of the simulator's topics with latitudes and longitudes."""
@@ -27,25 +25,17 @@ class ProjectionImport:
         is_running: it has begun and is not done. A position that is asked for now waits for it.
     """
 
-    def __init__(
-        self, bus: Bus, participant: Participant, gate: FrameGate, reader: Reader, work: Callable[[], None]
-    ) -> None:
+    def __init__(self, parts: SimulatorParts, work: Callable[[], None]) -> None:
         """Import nothing yet.
 
         Args:
-            bus: tells of subscribers.
-            participant: the simulator, which publishes the topics.
-            gate: closed while the import is running.
-            reader: runs `work`.
-            work: makes the import.
+            work: makes the import; the reader runs it.
         """
         self.is_running = False
         self._has_begun = False
-        self._participant = participant
-        self._gate = gate
-        self._reader = reader
+        self._participant, self._gate, self._reader = parts.participant, parts.gate, parts.reader
         self._work = work
-        bus.on_topic.append(self._note_topic)
+        parts.bus.on_topic.append(self._note_topic)
 
     def prepare(self, topic: Topic) -> None:
         """Begin the import if a topic needs it, and nobody has begun it yet."""

@@ -7,60 +7,29 @@ before a frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting
-from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
-from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.ego_interfaces import EgoInterfaces
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
-from rosbridge_sim.simulator.kernel.hooks import Hooks
-from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
+from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
-from rosbridge_sim.simulator.kernel.sync_info import SyncInfo
-from rosbridge_sim.simulator.kernel.tf_publisher import StaticTf
 from rosbridge_sim.simulator.scene.load import Load
-from rosbridge_sim.simulator.scene.scene import Scene
-from rosbridge_sim.simulator.scene.scene_commands import SceneCommand, moves
+from rosbridge_sim.simulator.scene.scene_commands import moves
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES
-from rosbridge_sim.simulator.sync.sync import Sync
 
 
-@dataclass(eq=False, kw_only=True, slots=True)
 class SceneChanges:
-    """Loads scenarios, resets the world and adds egos. It holds no state of its own; the scene and the egos do.
+    """Loads scenarios, resets the world and adds egos. It holds no state of its own; the scene and the egos do."""
 
-    Attributes:
-        scene: has the world, and changes it.
-        egos: are added and removed together with the scene.
-        interfaces: get other network settings with a scenario.
-        publishers: forget the messages that real time was to repeat.
-        hooks: `on_scene_change`, `on_reset` and `on_new_scene` are called.
-        sync: forgets what waits for frames.
-        sync_driver: pauses the world.
-        sync_info: announces the new frame.
-        stepper: tells whether frames are being computed.
-        time: follows the new frame.
-        static_tf: announces the frames that are fixed to the egos.
-    """
-
-    scene: Scene
-    egos: EgoRegistry
-    ego_interfaces: EgoInterfaces
-    interfaces: InterfaceRegistry
-    publishers: Publishers
-    hooks: Hooks
-    sync: Sync[SceneCommand]
-    sync_driver: SyncDriver
-    sync_info: SyncInfo
-    stepper: FrameStepper
-    time: SimulationTime
-    static_tf: StaticTf
+    def __init__(
+        self, parts: SimulatorParts, stepper: FrameStepper, sync_driver: SyncDriver, ego_interfaces: EgoInterfaces
+    ) -> None:
+        self._parts, self._stepper = parts, stepper
+        self._sync_driver, self._ego_interfaces = sync_driver, ego_interfaces
 
     def carry_out(self, load: Load, *, is_pausing: bool, now: float, network: NetworkSettings | None = None) -> None:
         """Load a prepared scenario.
@@ -76,28 +45,28 @@ class SceneChanges:
                 the network settings cannot be used; then nothing has changed.
         """
         if network is not None:
-            self.interfaces.check(network)
-        for prepare in self.hooks.on_scene_change:
+            self._parts.interfaces.check(network)
+        for prepare in self._parts.hooks.on_scene_change:
             prepare(now)
-        egos = self.egos
+        egos = self._parts.egos
         poses = [ego.pose for ego in egos]
-        self.scene.carry_out(load)
+        self._parts.scene.carry_out(load)
         egos.keep_odometry(poses)
         if load.egos:
             egos.first.reset_controls()
         gone = [ego for ego in egos if not ego.is_there]
         for ego in gone:
-            self.ego_interfaces.drop(ego, now)
+            self._ego_interfaces.drop(ego, now)
         egos.drop(gone)
         for ego in egos:
             ego.resume()
         if network is not None:
-            self.interfaces.change(network, now)
+            self._parts.interfaces.change(network, now)
         egos.forget_statuses()
-        self.static_tf.announce(now)
+        self._parts.static_tf.announce(now)
         if is_pausing:
-            self.sync_driver.pause(now)
-        for follow in self.hooks.on_new_scene:
+            self._sync_driver.pause(now)
+        for follow in self._parts.hooks.on_new_scene:
             follow(now)
 
     def reset(self, seed: int | None, now: float) -> None:
@@ -110,25 +79,25 @@ class SceneChanges:
             GraphError: frames are being computed, for example because a subscriber asks for a reset when it gets a
                 message.
         """
-        if self.stepper.is_moving:
+        if self._stepper.is_moving:
             raise GraphError("the world is moving")
-        for prepare in self.hooks.on_scene_change:
+        for prepare in self._parts.hooks.on_scene_change:
             prepare(now)
-        egos = self.egos
+        egos = self._parts.egos
         for ego in list(egos)[1:]:
-            self.ego_interfaces.drop(ego, now)
-        self.scene.reset(seed)
+            self._ego_interfaces.drop(ego, now)
+        self._parts.scene.reset(seed)
         egos.reset()
-        for forget in self.hooks.on_reset:
+        for forget in self._parts.hooks.on_reset:
             forget()
-        self.publishers.forget_repeats()
-        self.time.follow()
+        self._parts.publishers.forget_repeats()
+        self._parts.time.follow()
         egos.forget_statuses()
-        self.sync_info.announce(now)
-        self.static_tf.announce_again(now)  # the latched message is of frame 0 again
-        for follow in self.hooks.on_new_scene:
+        self._parts.sync_info.announce(now)
+        self._parts.static_tf.announce_again(now)  # the latched message is of frame 0 again
+        for follow in self._parts.hooks.on_new_scene:
             follow(now)
-        self.sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
+        self._sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float, *, is_last: bool = True) -> None:
         """Add further egos to the world, each with its own topics and services; all of them or none.
@@ -142,7 +111,7 @@ class SceneChanges:
             FieldError: a number that no ego can have, or too many egos.
             GraphError: a client has given one of the topics another type.
         """
-        egos, world = self.egos, self.scene.world
+        egos, world = self._parts.egos, self._parts.scene.world
         for setting in settings:
             if setting.index < FIRST_FREE_EGO:
                 raise FieldError(f"ego_index: expected {FIRST_EGO}, {FIRST_FREE_EGO} or more, got {setting.index}")
@@ -154,18 +123,18 @@ class SceneChanges:
         try:
             for setting in settings:
                 gear = setting.gear or egos.first.gear
-                uid = self.scene.add_ego(egos.first.uid, setting.pose, gear, setting.model)
+                uid = self._parts.scene.add_ego(egos.first.uid, setting.pose, gear, setting.model)
                 ego = egos.create(setting.index, uid)
                 added.append(ego)
-                self.ego_interfaces.bind(ego)
+                self._ego_interfaces.bind(ego)
         except PeerError:
             for ego in added:
-                self.ego_interfaces.drop(ego, now)
+                self._ego_interfaces.drop(ego, now)
                 world.remove(ego.uid)
             raise
         egos.add(added)
         if is_last:
-            self.static_tf.announce(now)
+            self._parts.static_tf.announce(now)
 
     def drop_egos(self, gone: Sequence[Ego], now: float) -> None:
         """Take further egos away, with their topics and services. Commands that wait for them are forgotten.
@@ -174,9 +143,9 @@ class SceneChanges:
             gone: none of them is the first.
         """
         for ego in gone:
-            self.ego_interfaces.drop(ego, now)
+            self._ego_interfaces.drop(ego, now)
             if ego.is_there:
-                self.scene.world.remove(ego.uid)
-            self.sync.drop(partial(moves, uid=ego.uid))
-        self.egos.drop(gone)
-        self.static_tf.announce(now)
+                self._parts.scene.world.remove(ego.uid)
+            self._parts.sync.drop(partial(moves, uid=ego.uid))
+        self._parts.egos.drop(gone)
+        self._parts.static_tf.announce(now)

@@ -16,26 +16,17 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.participant import Participant, hold
 from rosbridge_sim.printable import printable
-from rosbridge_sim.simulator.bus.publishers import Publishers
-from rosbridge_sim.simulator.bus.world_failure import WorldFailure
-from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
-from rosbridge_sim.simulator.kernel.hooks import Hooks
-from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
+from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 from rosbridge_sim.simulator.kernel.tick_calls import ModeResult, OneTick, OnTick, TickResult, WaitingCall, WaitingTicks
-from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
-from rosbridge_sim.simulator.sync.barrier import Barrier
 from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome, BarrierState
-from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.simulator.sync.sync_table import PAUSED, SyncOutcome, SyncState
-from rosbridge_sim.world.state.world import World
 
 TURN_TIME: Final = 0.003
 """Longest turn of the ticks that wait, before clients have theirs [s]; a frame that has begun is finished. With a round
@@ -57,40 +48,21 @@ _WAS_RESET: Final = "the simulation was reset before the sensors' messages of th
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-@dataclass(eq=False, kw_only=True)
 class SyncDriver:
     """Carries out ticks, and starts, stops, pauses and resumes the world.
 
     Attributes:
-        world: has the frame.
-        sync: decides.
-        barrier: decides for those who tick together; while it has members, it is the master towards `sync`.
-        stepper: computes the frames.
-        pacer: counts real time.
-        publishers: stop what only real time has, and publish in a pause.
-        hooks: `after_move` and `on_mode_change` are called.
-        failure: refuses ticks, and records a failed step.
-        gate: holds frames and answers while something of the last frame is missing.
         num_ticks: ticks carried out.
         calls: the calls that wait, oldest first; `sync` has the ticks that they have left.
         read_clock: the time that ends a turn [s]; None has a turn end with the last tick that can be carried out. What
             is computed does not depend on it, unless another client interferes.
     """
 
-    world: World
-    sync: Sync[SceneCommand]
-    barrier: Barrier
-    stepper: FrameStepper
-    pacer: RealTimePacer
-    publishers: Publishers
-    hooks: Hooks
-    failure: WorldFailure
-    gate: FrameGate
-    num_ticks: int = 0
-    read_clock: Callable[[], float] | None = None
-    calls: deque[WaitingCall] = field(default_factory=deque)
-
-    def __post_init__(self) -> None:
+    def __init__(self, parts: SimulatorParts, stepper: FrameStepper) -> None:
+        self.num_ticks = 0
+        self.read_clock: Callable[[], float] | None = None
+        self.calls: deque[WaitingCall] = deque()
+        self._parts, self._world, self._stepper = parts, parts.world, stepper
         self._ended_at = 0.0  # when a tick was last carried out or refused
         # The calls that have ended behind a closed gate, oldest first.
         self._unanswered: deque[tuple[WaitingCall, TickResult]] = deque()
@@ -99,70 +71,70 @@ class SyncDriver:
         self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
         self._turn_until = math.inf
         self._is_turn_over = False
-        sync, barrier = self.sync, self.barrier
+        sync, barrier = self._sync, self._barrier = parts.sync, parts.barrier
         sync.mute(barrier)  # its members have leases of their own
         sync.hooks.move.append(self._move)
         sync.hooks.refuse.append(self._refuse_ticks)
-        sync.hooks.flow.append(self.pacer.start)
+        sync.hooks.flow.append(self._parts.pacer.start)
         barrier.hooks.lead.append(self._lead_for_barrier)
         barrier.hooks.end.append(self._end_for_barrier)
         barrier.hooks.lose.append(self._lose_for_barrier)
         barrier.hooks.move.append(self._tick_for_barrier)
-        self.gate.on_open.append(self._go_on)
+        self._parts.gate.on_open.append(self._go_on)
 
     # The mode
 
     def start(self, user_id: str, step_ms: int, caller: Participant, now: float) -> ModeResult:
         """Start the mode, or change its time step; see `Sync.start` and `Barrier.start`."""
-        barrier = self.barrier
+        barrier = self._barrier
         if barrier.is_on:
             return self._result_of_barrier(barrier.start(user_id, step_ms, caller, now), caller)
-        outcome = self.sync.start(user_id, step_ms, caller, now)
+        outcome = self._sync.start(user_id, step_ms, caller, now)
         self._settle(now)
         return self._result_of(outcome)
 
     def stop(self, user_id: str, now: float) -> ModeResult:
         """End the mode, or leave the barrier; see `Sync.stop` and `Barrier.stop`."""
-        if self.barrier.is_on:
-            return self._result_of_barrier(self.barrier.stop(user_id, now))
-        outcome = self.sync.stop(user_id, now)
+        if self._barrier.is_on:
+            return self._result_of_barrier(self._barrier.stop(user_id, now))
+        outcome = self._sync.stop(user_id, now)
         self._settle(now)
         return self._result_of(outcome)
 
     def _result_of(self, outcome: SyncOutcome) -> ModeResult:
-        return ModeResult(outcome.is_accepted, self.sync.why(outcome), outcome.reason)
+        return ModeResult(outcome.is_accepted, self._sync.why(outcome), outcome.reason)
 
     def _result_of_barrier(self, outcome: BarrierOutcome, caller: Participant | None = None) -> ModeResult:
-        return ModeResult(outcome.is_accepted, self.barrier.why(outcome, caller), outcome.reason)
+        return ModeResult(outcome.is_accepted, self._barrier.why(outcome, caller), outcome.reason)
 
     def pause(self, now: float) -> None:
         """Pause the world; the mode stays as it is."""
-        self.sync.pause(now)
-        self.barrier.pause(now)
+        self._sync.pause(now)
+        self._barrier.pause(now)
         self._settle(now)
 
     def resume(self, now: float) -> None:
         """End the pause."""
-        self.sync.resume(now)
+        self._sync.resume(now)
         self._settle(now)
 
     def leave(self, participant: Participant, now: float) -> None:
         """Take note that a participant has left: perhaps the last one that used the master's id, or a member's."""
-        self.barrier.drop(participant, now)
-        master = self.sync.master_id
-        self._note_loss(self.sync.leave(participant, now), master, "has disconnected", now)
+        self._barrier.drop(participant, now)
+        master = self._sync.master_id
+        self._note_loss(self._sync.leave(participant, now), master, "has disconnected", now)
 
     def expire(self, now: float) -> None:
         """End a lease that has run out, and the wait of a barrier at its deadline."""
-        self.barrier.expire(now)
-        master = self.sync.master_id
-        self._note_loss(self.sync.expire(now), master, "was silent for as long as --sync-lease", now)
+        self._barrier.expire(now)
+        master = self._sync.master_id
+        self._note_loss(self._sync.expire(now), master, "was silent for as long as --sync-lease", now)
 
     def forget(self, now: float) -> None:
         """Refuse what waits for frames of the world before: it has begun anew."""
-        self.sync.forget(now)
+        self._sync.forget(now)
         self._refuse_unanswered(now)
-        self.barrier.reset(now)
+        self._barrier.reset(now)
 
     def _note_loss(self, lost: SyncOutcome | None, master: str, how: str, now: float) -> None:
         if lost is not None:
@@ -172,21 +144,21 @@ class SyncDriver:
 
     def _settle(self, now: float) -> None:
         """Apply the current mode to the publishers, and tell the components."""
-        if not self.sync.is_free:
-            self.publishers.forget_repeats()
-        self.publishers.set_paused(is_paused=self.sync.state is SyncState.FREE_PAUSED, now=now)
-        for act in self.hooks.on_mode_change:
+        if not self._sync.is_free:
+            self._parts.publishers.forget_repeats()
+        self._parts.publishers.set_paused(is_paused=self._sync.state is SyncState.FREE_PAUSED, now=now)
+        for act in self._parts.hooks.on_mode_change:
             act(now)
 
     # The barrier, which is the master here while it has members
 
     def _lead_for_barrier(self, step_ms: int, now: float) -> None:
-        self.sync.start(BARRIER_ID, step_ms, self.barrier, now)
+        self._sync.start(BARRIER_ID, step_ms, self._barrier, now)
         self._settle(now)
 
     def _end_for_barrier(self, now: float) -> None:
         self._forget_barrier_call()
-        self.sync.stop(BARRIER_ID, now)
+        self._sync.stop(BARRIER_ID, now)
         self._settle(now)
 
     def _forget_barrier_call(self) -> None:
@@ -195,11 +167,11 @@ class SyncDriver:
 
     def _lose_for_barrier(self, now: float) -> None:
         self._forget_barrier_call()
-        self._note_loss(self.sync.leave(self.barrier, now), BARRIER_ID, "has lost its last member", now)
+        self._note_loss(self._sync.leave(self._barrier, now), BARRIER_ID, "has lost its last member", now)
 
     def _tick_for_barrier(self, now: float) -> None:
         """Move the world by one time step for all members."""
-        sync, barrier, world = self.sync, self.barrier, self.world
+        sync, barrier, world = self._sync, self._barrier, self._world
 
         def end(result: TickResult) -> None:
             if result.is_accepted:
@@ -219,7 +191,7 @@ class SyncDriver:
                 now,
                 on_wait=wait,
                 is_in_turns=True,
-                is_held=not self.gate.is_open,
+                is_held=not self._parts.gate.is_open,
             )
         except GraphError as error:  # the world has failed; it is told elsewhere
             barrier.not_moved(str(error), now)
@@ -247,10 +219,10 @@ class SyncDriver:
         Raises:
             GraphError: a step has failed, now or before: the world stands still for good.
         """
-        if self.barrier.state is not BarrierState.EMPTY:
+        if self._barrier.state is not BarrierState.EMPTY:
             self._ask_barrier_tick(user_id, named, caller, on_end, now)
             return
-        sync = self.sync
+        sync = self._sync
         is_paused = sync.state in PAUSED  # before the frames of this tick, which may bring a pause
 
         def wait() -> None:
@@ -259,12 +231,12 @@ class SyncDriver:
         outcome = sync.tick(
             user_id,
             named,
-            self.world.frame,
+            self._world.frame,
             caller,
             now,
             on_wait=wait,
             is_in_turns=True,
-            is_held=not self.gate.is_open,
+            is_held=not self._parts.gate.is_open,
         )
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
@@ -272,7 +244,7 @@ class SyncDriver:
         if outcome.state is SyncState.WAITING:
             call = self.calls[-1]
             self._begin(call, now)
-        elif self.gate.is_open:
+        elif self._parts.gate.is_open:
             on_end(TickResult(is_accepted=True, is_paused=is_paused))
             return
         else:
@@ -287,12 +259,12 @@ class SyncDriver:
             self.take_turns(now)
 
     def _ask_barrier_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
-        sync, barrier = self.sync, self.barrier
+        sync, barrier = self._sync, self._barrier
 
         def end(why: str) -> None:
             on_end(TickResult(is_accepted=not why, is_paused=bool(why) and sync.is_paused, why=why))
 
-        outcome = barrier.tick(user_id, named, self.world.frame, caller, now, on_end=end)
+        outcome = barrier.tick(user_id, named, self._world.frame, caller, now, on_end=end)
         if not outcome.is_accepted:
             why = barrier.why(outcome, caller)
             on_end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason))
@@ -305,17 +277,17 @@ class SyncDriver:
             steps: what is to be done, at least one tick. Its `end` is called once, perhaps before this returns.
             caller: held until then.
         """
-        sync = self.sync
+        sync = self._sync
         call = WaitingCall(steps, sync.num_frames)
         holder: object = caller
-        if self.barrier.is_on:
-            result = self._result_of_barrier(self.barrier.ask_step(user_id))
+        if self._barrier.is_on:
+            result = self._result_of_barrier(self._barrier.ask_step(user_id))
             if not result.is_accepted:
                 _, why, reason = result
                 call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=reason), now)
                 return
-            user_id, holder = BARRIER_ID, self.barrier
-        is_done = steps.num_left == 1 and self.gate.is_open and self._step_now(user_id, call, holder, now)
+            user_id, holder = BARRIER_ID, self._barrier
+        is_done = steps.num_left == 1 and self._parts.gate.is_open and self._step_now(user_id, call, holder, now)
         if not is_done:
             outcome = sync.step(user_id, steps.num_left, holder, now, on_wait=partial(self.calls.append, call))
             if not outcome.is_accepted:
@@ -330,11 +302,11 @@ class SyncDriver:
         """Carry out a call for one step at once, without a queue; return false if it has to wait, or is refused."""
         steps = call.steps
         try:
-            if not self.sync.step_now(user_id, self.world.frame, holder, now, prepare=steps.before_tick):
+            if not self._sync.step_now(user_id, self._world.frame, holder, now, prepare=steps.before_tick):
                 return False
         except GraphError as error:
             self._ended_at = now
-            call.end(TickResult(is_accepted=False, is_paused=self.sync.is_paused, why=str(error)), now)
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=str(error)), now)
         else:
             steps.after_ticks(1)
             self._answer(call, TickResult(is_accepted=True, is_paused=False), now)
@@ -346,7 +318,9 @@ class SyncDriver:
         """Return whether `take_turns` has something to do now."""
         calls = self.calls
         return (
-            bool(calls) and self.gate.is_open and (self.sync.has_turn(self.world.frame) or not calls[0].steps.is_wanted)
+            bool(calls)
+            and self._parts.gate.is_open
+            and (self._sync.has_turn(self._world.frame) or not calls[0].steps.is_wanted)
         )
 
     def take_turns(self, now: float) -> None:
@@ -354,12 +328,12 @@ class SyncDriver:
 
         Call it again while `has_turn`, when all others have been served.
         """
-        read_clock, sync, calls = self.read_clock, self.sync, self.calls
-        if self.stepper.is_moving:
+        read_clock, sync, calls = self.read_clock, self._sync, self.calls
+        if self._stepper.is_moving:
             return
         self._turn_until = math.inf if read_clock is None else read_clock() + TURN_TIME
         self._is_turn_over = False
-        while calls and not self._is_turn_over and self.gate.is_open:
+        while calls and not self._is_turn_over and self._parts.gate.is_open:
             call = calls.popleft()
             if not call.steps.is_wanted and not sync.is_in_tick:
                 self._finish(call, now)
@@ -377,15 +351,15 @@ class SyncDriver:
         Returns:
             False if there is no such tick; then `act` is not called, and the change can be made at once.
         """
-        if self.stepper.is_moving or (self.gate.is_open and not self.sync.is_in_tick):
+        if self._stepper.is_moving or (self._parts.gate.is_open and not self._sync.is_in_tick):
             return False
         self._behind_tick.append((act, self.hold(caller)))
         return True
 
     def _end_waits(self, now: float) -> None:
         """Make the changes that have waited for a tick, if it is over."""
-        is_over = self.failure.why is not None or not self.sync.is_in_tick
-        while self._behind_tick and is_over and self.gate.is_open and not self.stepper.is_moving:
+        is_over = self._parts.failure.why is not None or not self._sync.is_in_tick
+        while self._behind_tick and is_over and self._parts.gate.is_open and not self._stepper.is_moving:
             act, release = self._behind_tick.popleft()
             try:
                 act(now)
@@ -398,11 +372,11 @@ class SyncDriver:
         Returns:
             False if no tick can be carried out now.
         """
-        sync, calls, steps = self.sync, self.calls, call.steps
+        sync, calls, steps = self._sync, self.calls, call.steps
         num_ticks = self.num_ticks
         self._call_in_hand = call
         try:
-            num_frames = sync.take_turn(self.world.frame, now, prepare=steps.before_tick, most_ticks=steps.num_at_once)
+            num_frames = sync.take_turn(self._world.frame, now, prepare=steps.before_tick, most_ticks=steps.num_at_once)
         except GraphError as error:
             calls.appendleft(call)
             self._refuse_ticks(str(error), now)
@@ -423,12 +397,12 @@ class SyncDriver:
         """Answer a call; the ticks that it has left are not wanted."""
         num_left, call.steps.num_left = call.steps.num_left, 0
         if num_left:
-            self.sync.give_up(num_left, now)
+            self._sync.give_up(num_left, now)
         self._answer(call, TickResult(is_accepted=True, is_paused=False), now)
 
     def _answer(self, call: WaitingCall, result: TickResult, now: float) -> None:
         """Answer a call whose frames have been computed: as soon as nothing of them is missing."""
-        if self.gate.is_open:
+        if self._parts.gate.is_open:
             call.end(result, now)
         else:
             self._unanswered.append((call, result))
@@ -437,12 +411,12 @@ class SyncDriver:
         """Refuse what has ended behind a closed gate: what is missing will never come."""
         unanswered, self._unanswered = self._unanswered, deque()
         for call, _ in unanswered:
-            call.end(TickResult(is_accepted=False, is_paused=self.sync.is_paused, why=_WAS_RESET), now)
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=_WAS_RESET), now)
 
     def _go_on(self, now: float) -> None:
         """Answer what has ended behind the gate, which is open now, and carry out the ticks that wait."""
         self._ended_at = now
-        while self._unanswered and self.gate.is_open:
+        while self._unanswered and self._parts.gate.is_open:
             call, result = self._unanswered.popleft()
             call.end(result, now)
         self.take_turns(now)
@@ -454,10 +428,10 @@ class SyncDriver:
             Releases it; takes monotonic time [s] and must be called once.
         """
         release = hold(participant)
-        self.sync.mute(participant)
+        self._sync.mute(participant)
 
         def let_go(now: float) -> None:
-            self.sync.unmute(participant, now)
+            self._sync.unmute(participant, now)
             release()
 
         return let_go
@@ -475,7 +449,7 @@ class SyncDriver:
         Raises:
             GraphError: a step has failed, now or before: the world stands still for good.
         """
-        stepper, failure, call = self.stepper, self.failure, self._call_in_hand
+        stepper, failure, call = self._stepper, self._parts.failure, self._call_in_hand
         if failure.why is not None:
             raise GraphError(failure.why)
         num_of_tick = num_frames if call is None else call.num_frames
@@ -493,14 +467,14 @@ class SyncDriver:
                 if call is not None and call.why is not None:  # what a tick brings about does not stop that tick
                     if is_last:
                         break
-                elif self._is_turn_over or not self.gate.is_open:
+                elif self._is_turn_over or not self._parts.gate.is_open:
                     break
         except Exception as error:
             raise GraphError(failure.note(error)) from error
         finally:
             stepper.is_moving = False
         self._ended_at = now
-        for act in self.hooks.after_move.awake:
+        for act in self._parts.hooks.after_move.awake:
             act(now)
         return num_frames - num_left
 
@@ -512,5 +486,5 @@ class SyncDriver:
         refused = list(self.calls)
         self.calls.clear()
         for call in refused:
-            call.end(TickResult(is_accepted=False, is_paused=self.sync.is_paused, why=why), now)
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)
         self._end_waits(now)

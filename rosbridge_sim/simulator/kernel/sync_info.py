@@ -24,7 +24,7 @@ class SyncInfo:
         self._sync = sync
         self._publishers = publishers
         self._topic = publishers.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
-        self._make = late_maker(store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
+        self._make = late_maker(store, "morai_msgs/SyncModeInfo", "master_id status frame can_send_tick")
         self._told_frame = -1
         sync.hooks.announce.append(self.announce)
 

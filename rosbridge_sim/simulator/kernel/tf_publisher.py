@@ -106,10 +106,10 @@ class TfPublisher:
         self._frames = frames
         self._wheels = wheels
         self._message = maker(store, TF, "transforms")
-        self._stamped = maker(store, "geometry_msgs/TransformStamped", "header", "child_frame_id", "transform")
-        self._transform = maker(store, "geometry_msgs/Transform", "translation", "rotation")
-        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+        self._stamped = maker(store, "geometry_msgs/TransformStamped", "header child_frame_id transform")
+        self._transform = maker(store, "geometry_msgs/Transform", "translation rotation")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x y z w")
 
     def moving(self, egos: Iterable[Ego]) -> Struct:
         """Return the poses of the egos and of their moving frames, in the order of the egos.

@@ -82,16 +82,16 @@ class MarkerMaker:
         Args:
             store: has the types.
         """
-        names = ("header", "ns", "id", "type", "action", "pose", "scale", "color")
-        self._marker = maker(store, "visualization_msgs/Marker", *names)
-        self._marker_with_points = maker(store, "visualization_msgs/Marker", *names, "points", "colors")
-        self._marker_with_text = maker(store, "visualization_msgs/Marker", *names, "text")
+        names = "header ns id type action pose scale color"
+        self._marker = maker(store, "visualization_msgs/Marker", names)
+        self._marker_with_points = maker(store, "visualization_msgs/Marker", f"{names} points colors")
+        self._marker_with_text = maker(store, "visualization_msgs/Marker", f"{names} text")
         self._array = maker(store, MARKER_ARRAY, "markers")
-        self._pose = maker(store, "geometry_msgs/Pose", "position", "orientation")
-        self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
-        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
-        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._rgba = maker(store, "std_msgs/ColorRGBA", "r", "g", "b", "a")
+        self._pose = maker(store, "geometry_msgs/Pose", "position orientation")
+        self._point = maker(store, "geometry_msgs/Point", "x y z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x y z w")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
+        self._rgba = maker(store, "std_msgs/ColorRGBA", "r g b a")
         self._colours: dict[Colour, Any] = {}
         self._here = self.pose((0.0, 0.0, 0.0))
         self._no_size = self.size(0.0, 0.0, 0.0)

@@ -27,7 +27,6 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.tf_publisher import MAP
 from rosbridge_sim.simulator.markers.map_markers import lamp_height, make_map_markers
 from rosbridge_sim.simulator.markers.markers import COLOURS, KIND_LOOKS, LAMPS, MARKER_ARRAY, MarkerMaker, MarkerShape
-from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import IntArray, Vector, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
@@ -84,14 +83,9 @@ class SceneMarkers(Component):
     It holds what its subscribers have been shown. That is no part of a snapshot: after a restore all is shown anew.
     """
 
-    def __init__(self, context: SimulatorContext, reader: Reader) -> None:
-        """Publish nothing yet.
-
-        Args:
-            reader: makes the markers of a map.
-        """
+    def __init__(self, context: SimulatorContext) -> None:
+        """Publish nothing yet."""
         self._context = context
-        self._reader = reader
         self._now = 0.0
         self._map: LatchedPublisher | None = None
         self._objects: PeriodicPublisher | None = None
@@ -146,8 +140,8 @@ class SceneMarkers(Component):
         make = self._make
         # Time 0 stands for any time. A viewer that knows only the last seconds of a frame can place the map, too.
         store = self._context.bus.store
-        header = maker(store, "std_msgs/Header", "seq", "stamp", "frame_id")(0, store.time_value(0), MAP)
-        self._reader.read(
+        header = maker(store, "std_msgs/Header", "seq stamp frame_id")(0, store.time_value(0), MAP)
+        self._context.reader.read(
             lambda: make.array(make_map_markers(make, header, road_map)),
             lambda made, now: self._put_map(road_map, made, now),
             now,

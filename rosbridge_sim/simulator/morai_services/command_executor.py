@@ -11,7 +11,6 @@ import logging
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.morai_services.morai_answers import complain
 from rosbridge_sim.simulator.scene.scene_commands import (
     AddObject,
     ControlEgo,
@@ -90,7 +89,7 @@ class CommandExecutor:
         try:
             uid = self._context.scene.add(action.model, x=action.x, y=action.y, z=action.z, yaw=action.yaw)
         except PeerError as error:
-            complain(command.notify, f"{command.source}: {error}")
+            command.notify("error", f"{command.source}: {error}")
         else:
             _log.info("added %s with unique_id %d", action.model.name, uid)
 
@@ -101,7 +100,7 @@ class CommandExecutor:
                 raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
             context.scene.remove(unique_id)
         except PeerError as error:
-            complain(command.notify, f"{command.source}: {error}")
+            command.notify("error", f"{command.source}: {error}")
 
     def _load(self, action: LoadScenario, command: SceneCommand, now: float) -> None:
         try:
@@ -109,4 +108,4 @@ class CommandExecutor:
                 action.load, is_pausing=action.is_pausing, now=now, network=action.network
             )
         except DocumentError as error:
-            complain(command.notify, f"{command.source}: {error}")
+            command.notify("error", f"{command.source}: {error}")

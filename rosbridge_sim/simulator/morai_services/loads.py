@@ -20,7 +20,7 @@ from collections.abc import Callable
 from functools import partial
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
-from rosbridge_sim.graph.participant import Participant, explain, notifier
+from rosbridge_sim.graph.participant import Participant, notifier
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -30,8 +30,8 @@ from rosbridge_sim.simulator.bus.network_settings import Networks, NetworkSettin
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.morai_services.morai_answers import complain, request_of, respond
-from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
+from rosbridge_sim.simulator.morai_services.morai_answers import request_of
+from rosbridge_sim.simulator.plain.reading import answering, read_while_held
 from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneCommand
@@ -57,18 +57,14 @@ class _Documents(Record, eq=False):
 class Loads(Component):
     """Component that loads scenarios."""
 
-    def __init__(
-        self, context: SimulatorContext, reader: Reader, networks: Networks | None, *, has_traffic: bool = False
-    ) -> None:
+    def __init__(self, context: SimulatorContext, networks: Networks | None, *, has_traffic: bool = False) -> None:
         """Read nothing yet.
 
         Args:
-            reader: runs the functions that read documents.
             networks: reads network settings of scenarios; None if there are none.
             has_traffic: each new scene is filled with traffic.
         """
         self._context = context
-        self._reader = reader
         self._networks = networks
         self._rehearsal = Rehearsal(context.world.dynamics, has_traffic=has_traffic)
         self._opening_network = context.interfaces.settings
@@ -98,8 +94,8 @@ class Loads(Component):
         command = SceneCommand(None, call.service.name, notify)
         outcome = sync.submit(command, request.frame, context.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
-            explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
-            respond(call, self._make_result(False))  # noqa: FBT003 - the message's one field
+            call.explain(outcome.why, outcome.reason, "warning")
+            call.respond(self._make_result(False))  # noqa: FBT003 - the message's one field
             return
 
         def finish(documents: _Documents | DocumentError, now: float) -> None:
@@ -109,10 +105,10 @@ class Loads(Component):
                 command.action = LoadScenario(load, network, is_pausing=request.set_pause)
                 is_usable = True
             except (PeerError, DocumentError) as error:
-                complain(notify, f"{call.service.name}: {error}")
+                notify("error", f"{call.service.name}: {error}")
             finally:
                 (sync.ready if is_usable else sync.withdraw)(command)
-                respond(call, self._make_result(is_usable))
+                call.respond(self._make_result(is_usable))
                 context.sync_driver.take_turns(now)
 
         self._read(request, call.caller, base, answering(call.refuse, finish), now)
@@ -124,8 +120,8 @@ class Loads(Component):
 
         def end(error: PeerError | DocumentError | None) -> None:
             if error is not None:
-                complain(notify, f"{call.service.name}: {error}")
-            respond(call, self._make_load_result(error is None))
+                notify("error", f"{call.service.name}: {error}")
+            call.respond(self._make_load_result(error is None))
 
         self._start(request_of(call), call.caller, end, now)
 
@@ -141,7 +137,7 @@ class Loads(Component):
                 return
             refusal = GraphError(f"{topic}: {error}")
             if not is_here:
-                complain(notify, str(refusal))
+                notify("error", str(refusal))
 
         self._start(request, sender, end, now)
         is_here = False
@@ -189,7 +185,7 @@ class Loads(Component):
         context, name = self._context, request.file_name
         networks = self._networks if request.load_network_connection_data else None
         work = partial(_read_documents, context.library, networks, name, base, self._rehearsal)
-        read_while_held(self._reader, work, finish, partial(context.sync_driver.hold, caller), now)
+        read_while_held(self._context.reader, work, finish, partial(context.sync_driver.hold, caller), now)
 
     def _prepare(
         self,

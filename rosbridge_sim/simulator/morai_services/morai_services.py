@@ -32,7 +32,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.morai_services.control_units import warn_of_units
-from rosbridge_sim.simulator.morai_services.morai_answers import request_of, respond
+from rosbridge_sim.simulator.morai_services.morai_answers import request_of
 from rosbridge_sim.simulator.scene.scene_commands import (
     AddObject,
     ControlEgo,
@@ -61,16 +61,12 @@ class Services(Component):
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
         store = context.bus.store
-        self._make_cmd = late_maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
+        self._make_cmd = late_maker(store, "morai_msgs/SyncModeCmdResponse", "user_id frame result time_step")
         self._make_tick = late_maker(
-            store,
-            "morai_msgs/WaitForTickResponse",
-            *("tick_status", "pause_status", "frame", "vehicle_status", "time"),
+            store, "morai_msgs/WaitForTickResponse", "tick_status pause_status frame vehicle_status time"
         )
-        self._make_event = late_maker(
-            store, "morai_msgs/EventInfo", "option", "ctrl_mode", "gear", "lamps", "set_pause"
-        )
-        self._make_lamps = late_maker(store, "morai_msgs/Lamps", "header", "turnSignal", "emergencySignal")
+        self._make_event = late_maker(store, "morai_msgs/EventInfo", "option ctrl_mode gear lamps set_pause")
+        self._make_lamps = late_maker(store, "morai_msgs/Lamps", "header turnSignal emergencySignal")
         self._make_result = late_maker(store, "morai_msgs/SyncModeResultResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
@@ -111,8 +107,8 @@ class Services(Component):
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, context.world.frame)
         else:
-            explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
-        respond(call, self._make_cmd(user_id, context.world.frame, result.is_accepted, sync.step_ms))
+            call.explain(result.why, result.reason, "warning")
+        call.respond(self._make_cmd(user_id, context.world.frame, result.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
         wrapped: Any = call.request
@@ -127,7 +123,7 @@ class Services(Component):
                 call.refuse(context.failure.why)
                 return
             if not result.is_accepted:
-                explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
+                call.explain(result.why, result.reason, "warning")
             frame = context.world.frame
             is_paused, status = result.is_paused, ego.status()
             response = self._make_tick(result.is_accepted, is_paused, frame, status, time_text(frame))
@@ -186,12 +182,12 @@ class Services(Component):
         except (PeerError, DocumentError) as error:
             reason = error.reason if isinstance(error, PeerError) else Reason.REFUSED
             level = "warning" if reason is Reason.NOT_NOW else "error"
-            explain(call.caller, level, f"{call.service.name}: {error}", reason)
+            call.explain(error, reason, level)
         else:
             result = outcome.is_accepted
             if not result:
-                explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
-        respond(call, self._make_result(result))
+                call.explain(outcome.why, outcome.reason, "warning")
+        call.respond(self._make_result(result))
         return result
 
     def _submit(self, read: Callable[[], SceneCommand], frame: int, caller: Participant, now: float) -> SyncOutcome:
@@ -273,8 +269,7 @@ class Services(Component):
         if option & _PAUSE_BIT:
             driver = self._context.sync_driver
             (driver.pause if request.set_pause else driver.resume)(now)
-        respond(
-            call,
+        call.respond(
             self._make_event(
                 option,
                 ego.ctrl_mode.value,
@@ -291,7 +286,7 @@ class Services(Component):
         context = self._context
         context.scene_changes.reset(None if request.seed < 0 else request.seed, now)
         _log.info("reset by %s, seed %d", call.caller.name, context.world.seed)
-        call.answer(call.service.type.response.struct_type(context.world.frame, context.world.seed))
+        call.respond(context.world.frame, context.world.seed)
 
     # Figures
 
@@ -306,10 +301,10 @@ class Services(Component):
             more = f", ... and {len(ids) - MAX_IDS_LISTED:,} more" if len(ids) > MAX_IDS_LISTED else ""
             text = f"unique_id: expected a vehicle's, one of {listed}{more}; got {request.unique_id}"
             explain(call.caller, "error", f"{call.service.name}: {text}; all figures are 0", Reason.WRONG_VALUE)
-        respond(call, self._context.convert.vehicle_spec(body))
+        call.respond(self._context.convert.vehicle_spec(body))
 
     def _map_spec(self, call: Call, _now: float) -> None:
-        respond(call, self._context.convert.map_spec(self._context.scene.road_map))
+        call.respond(self._context.convert.map_spec(self._context.scene.road_map))
 
 
 def _ctrl_mode(number: int) -> CtrlMode | None:

@@ -53,17 +53,15 @@ class TrafficLightTopics(Component):
         self._context = context
         store = context.bus.store
         self._make_light = late_maker(
-            store,
-            "morai_msgs/GetTrafficLightStatus",
-            *("header", "trafficLightIndex", "trafficLightType", "trafficLightStatus"),
+            store, "morai_msgs/GetTrafficLightStatus", "header trafficLightIndex trafficLightType trafficLightStatus"
         )
         self._make_status = late_maker(
             store,
             "morai_msgs/IntersectionStatus",
-            *("header", "intersection_index", "intersection_status", "intersection_status_time"),
+            "header intersection_index intersection_status intersection_status_time",
         )
-        self._make_all = late_maker(store, "morai_msgs/IntscnTL", "header", "idx", "state", "delta_time")
-        self._make_info = late_maker(store, "morai_msgs/MoraiTLInfo", "header", "idx", "status")
+        self._make_all = late_maker(store, "morai_msgs/IntscnTL", "header idx state delta_time")
+        self._make_info = late_maker(store, "morai_msgs/MoraiTLInfo", "header idx status")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Subscribe to commands for lights and intersections, and offer the service that returns a light's state."""
@@ -194,6 +192,4 @@ class TrafficLightTopics(Component):
             status = int(signals.shown[signals.plan.light(index)])
         except KeyError:
             index, status = "", NO_LIGHT
-        call.answer(
-            call.service.type.response.struct_type(self._make_info(self._header("TrafficLightStatus"), index, status))
-        )
+        call.respond(self._make_info(self._header("TrafficLightStatus"), index, status))

@@ -157,7 +157,7 @@ class ProcessService:
 
     def _end(self, call: Call, result: ReplayResult, now: float) -> None:
         self._status.end_command(result, now)
-        call.answer(call.service.type.response.struct_type(self._make_result(result is ReplayResult.DONE)))
+        call.respond(self._make_result(result is ReplayResult.DONE))
 
 
 def _beyond(recording: Recording) -> str:

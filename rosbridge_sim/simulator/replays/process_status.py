@@ -43,7 +43,7 @@ class ProcessStatus:
         self._make_status = late_maker(
             context.bus.store,
             "morai_msgs/MoraiSimProcStatus",
-            *("header", "latest_command_time", "command_result", "current_mode", "current_status"),
+            "header latest_command_time command_result current_mode current_status",
         )
 
     def publish(self, publishers: Publishers) -> None:

@@ -18,7 +18,6 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
-from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.network_replay import NetworkReplay
 from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
@@ -52,7 +51,6 @@ class Replay(Component):
         self,
         context: SimulatorContext,
         recordings: Recordings | None,
-        reader: Reader,
         *,
         is_showing_drives: bool = False,
     ) -> None:
@@ -60,7 +58,6 @@ class Replay(Component):
 
         Args:
             recordings: reads recordings; None where there are none.
-            reader: decodes the plans of programs.
             is_showing_drives: publish ReplayInfo of a drive for every subscriber; see `ReplayInfoPublisher`.
         """
         self._playback = Playback(context.world, context.scene, context.egos)
@@ -71,7 +68,7 @@ class Replay(Component):
         self._service = ProcessService(context, self._process, self._playback, self._status, recordings)
         self._info = ReplayInfoPublisher(context, self._process, is_showing_drives=is_showing_drives)
         self._network = NetworkReplay(context, self._process, self._playback, self._info)
-        self._plans = ReplayedPlans(context, self._process, self._playback, reader)
+        self._plans = ReplayedPlans(context, self._process, self._playback)
         self._process.on_event.append(self._plans.settle)
         self._restored = Recording("")
         hooks = self._hooks = context.hooks

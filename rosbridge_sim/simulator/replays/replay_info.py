@@ -54,11 +54,11 @@ class ReplayInfoPublisher:
         self._make_info = late_maker(
             store,
             "morai_msgs/ReplayInfo",
-            *("header", "ego_acc", "ego_brake", "ego_steer", "orientation", "linear_acceleration", "angular_velocity"),
-            *("num_of_npcs", "num_of_pedestrian", "num_of_obstacle", "npc_list", "pedestrian_list", "obstacle_list"),
+            "header ego_acc ego_brake ego_steer orientation linear_acceleration angular_velocity num_of_npcs "
+            "num_of_pedestrian num_of_obstacle npc_list pedestrian_list obstacle_list",
         )
-        self._vector = late_maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._quaternion = late_maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+        self._vector = late_maker(store, "geometry_msgs/Vector3", "x y z")
+        self._quaternion = late_maker(store, "geometry_msgs/Quaternion", "x y z w")
 
     def publish(self, publishers: Publishers) -> None:
         """Advertise the topic."""

@@ -31,9 +31,7 @@ class ReplayStatus:
         self._process = process
         self._playback = playback
         self._make = late_maker(
-            context.bus.store,
-            "rosbridge_sim_msgs/Replay",
-            *("header", "state", "name", "duration", "position", "speed", "targets"),
+            context.bus.store, "rosbridge_sim_msgs/Replay", "header state name duration position speed targets"
         )
 
     def publish(self, publishers: Publishers) -> None:

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, check_publishing
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.simulator.bus.guest_publisher import GuestPublisher
+from rosbridge_sim.schema.plain_values import without_unknown
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
@@ -41,6 +41,7 @@ BATCH_BYTES, BATCH_MESSAGES = 200_000, 100
 message."""
 
 _log = logging.getLogger("rosbridge_sim.replay")
+_bus_log = logging.getLogger("rosbridge_sim.bus")
 
 
 @dataclass(eq=False, slots=True)
@@ -64,19 +65,17 @@ _Batch = Sequence[tuple[_ShownPlan, bytes]]
 class ReplayedPlans:
     """Publisher of recorded plans; the world does not know of it, and neither do snapshots."""
 
-    def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback, reader: Reader) -> None:
+    def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback) -> None:
         """Publish nothing yet.
 
         Args:
             process: whether a recording moves the world.
             playback: the recording, and the position in it.
-            reader: decodes what would delay all clients.
         """
         self._context = context
         self._publisher = GuestPublisher(context.bus, "/replay")
         self._process = process
         self._playback = playback
-        self._reader = reader
         self._recording = Recording("")
         self._shown: dict[str, _ShownPlan] = {}
         self._shown_ns = -LONGEST_NS
@@ -191,7 +190,7 @@ class ReplayedPlans:
         self._is_decoding = True
         if is_tick:
             context.gate.close()
-        self._reader.read(work, then, now)
+        self._context.reader.read(work, then, now)
 
     def _decode(
         self, shown: _ShownPlan, raw: bytes, *, is_for_json: bool = False
@@ -239,3 +238,78 @@ def _may_publish(caller: Participant, plan: RecordedPlan) -> bool:
     except GraphError:
         return False
     return True
+
+
+class GuestPublisher:
+    """A participant with topics of its own.
+
+    A topic that somebody publishes already is left to them.
+
+    Attributes:
+        name: the node name that rosapi shows.
+        has_topics: it offers at least one.
+    """
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        """Offer nothing yet.
+
+        Args:
+            bus: has the topics.
+            name: the node name.
+        """
+        self.name = name
+        self.has_topics = False
+        self._bus = bus
+
+    def notify(self, level: str, text: str) -> None:
+        """Write a message from the bus into the log."""
+        _bus_log.debug("%s: %s: %s", self.name, level, text)
+
+    def offer(self, name: str, type_name: str) -> Topic | None:
+        """Begin to publish a topic.
+
+        Args:
+            name: the topic's.
+
+        Returns:
+            The topic; None where it has a publisher already, or cannot have the type. The log says so.
+        """
+        try:
+            known = self._bus.find_topic(name)
+            if known is not None and known.publishers:
+                _bus_log.info("%s: %s is left out: it has a publisher here", self.name, name)
+                return None
+            topic = self._bus.advertise(self, name, type_name, depth=1)  # a viewer may come while a replay is held
+        except PeerError as error:
+            _bus_log.warning("%s: %s is left out: %s", self.name, name, error)
+            return None
+        self.has_topics = True
+        return topic
+
+    def make(self, type_name: str, value: object) -> Message:
+        """Return a message; this may be called in any thread.
+
+        Args:
+            type_name: of the topic.
+            value: plain objects; fields that the type does not have are left out.
+
+        Raises:
+            PeerError: it does not fit the type.
+        """
+        message_type = self._bus.store.message(type_name)
+        return Message(message_type, message_type.check(without_unknown(value, message_type.spec), 0))
+
+    def publish(self, topic: Topic, message: Message, now: float) -> None:
+        """Publish a message; a listener that refuses it, or fails, is in the log.
+
+        Args:
+            topic: from `offer`.
+            message: from `make`.
+        """
+        self._bus.announce(self, topic, message, now)
+
+    def leave(self, now: float) -> None:
+        """Publish none of the topics any more."""
+        if self.has_topics:
+            self._bus.leave(self, now)
+            self.has_topics = False

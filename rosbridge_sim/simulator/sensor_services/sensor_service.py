@@ -20,7 +20,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
+from rosbridge_sim.simulator.plain.reading import answering, read_while_held
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
@@ -45,20 +45,14 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class SensorService(Component):
     """The component of the service. It holds no state: that is `MountedSensors`'."""
 
-    def __init__(self, context: SimulatorContext, mounted: MountedSensors, reader: Reader) -> None:
-        """Offer nothing yet.
-
-        Args:
-            reader: runs what would delay the other clients.
-        """
+    def __init__(self, context: SimulatorContext, mounted: MountedSensors) -> None:
+        """Offer nothing yet."""
         self._context = context
         self._mounted = mounted
-        self._reader = reader
         self._make_info = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SensorInfo",
-            *("number", "kind", "frame_id", "topics", "rate", "measured", "skipped"),
-            *("x", "y", "z", "roll", "pitch", "yaw", "settings"),
+            "number kind frame_id topics rate measured skipped x y z roll pitch yaw settings",
         )
 
     def bind(self, bindings: SubscribersServices) -> None:
@@ -72,16 +66,15 @@ class SensorService(Component):
             hold = partial(self._context.sync_driver.hold, call.caller)
             again = partial(self._answer, call, is_quick=False)
             then = answering(call.refuse, lambda _, now: again(now))
-            read_while_held(self._reader, learn_rig_mistakes, then, hold, now)
+            read_while_held(self._context.reader, learn_rig_mistakes, then, hold, now)
 
     def _answer(self, call: Call, now: float, *, is_quick: bool) -> None:
         request: Any = call.request
-        respond = call.service.type.response.struct_type
         ego = self._context.egos.find(request.ego)
         if ego is None:
             numbers = ", ".join(str(one.index) for one in self._context.egos)
             message = f"ego: expected the number of an ego, one of {numbers}; got {request.ego}"
-            call.answer(respond(result=False, message=message))
+            call.respond(result=False, message=message)
             return
         rig, message = self._mounted.rig_of(ego), ""
         try:
@@ -91,7 +84,7 @@ class SensorService(Component):
             raise
         except (PeerError, DocumentError) as error:
             message = str(error)
-        call.answer(respond(result=not message, message=message, sensors=self._list(rig)))
+        call.respond(result=not message, message=message, sensors=self._list(rig))
 
     def _change(self, rig: EgoRig, call: Call, now: float, *, is_quick: bool) -> None:
         """Remove, add and move sensors; `is_quick` as for `read_rig`.

@@ -26,8 +26,8 @@ class _Maker:
 
     def __init__(self, store: Store) -> None:
         self.globe = Georeference()
-        fields = ("header", "latitude", "longitude", "altitude", "eastOffset", "northOffset", "status")
-        self.make: Any = maker(store, GpsSpec.type_name, *fields)
+        fields = "header latitude longitude altitude eastOffset northOffset status"
+        self.make: Any = maker(store, GpsSpec.type_name, fields)
 
 
 class GpsSpec(SensorSpec, frozen=True, kw_only=True):

@@ -27,12 +27,11 @@ class _Maker:
         self.make = maker(
             store,
             ImuSpec.type_name,
-            *("header", "orientation", "orientation_covariance"),
-            *("angular_velocity", "angular_velocity_covariance"),
-            *("linear_acceleration", "linear_acceleration_covariance"),
+            "header orientation orientation_covariance angular_velocity angular_velocity_covariance "
+            "linear_acceleration linear_acceleration_covariance",
         )
-        self.vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self.quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+        self.vector = maker(store, "geometry_msgs/Vector3", "x y z")
+        self.quaternion = maker(store, "geometry_msgs/Quaternion", "x y z w")
 
 
 class ImuSpec(SensorSpec, frozen=True, kw_only=True):

@@ -38,8 +38,7 @@ def _maker(store: Store) -> Callable[..., Struct]:
     return maker(
         store,
         Lidar2dSpec.type_name,
-        *("header", "angle_min", "angle_max", "angle_increment", "time_increment", "scan_time"),
-        *("range_min", "range_max", "ranges", "intensities"),
+        "header angle_min angle_max angle_increment time_increment scan_time range_min range_max ranges intensities",
     )
 
 

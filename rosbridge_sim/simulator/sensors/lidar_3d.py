@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -13,7 +13,6 @@ from rosbridge_sim.documents import number_within
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
-from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Sight, Sighting
@@ -22,6 +21,32 @@ from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Beams, beams
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId, Near, Range, TopicName
+
+
+class LidarModel(NamedTuple):
+    """A lidar that turns about its z axis.
+
+    Attributes:
+        elevations_deg: of each laser, positive up, the lowest first; its place is the ring [deg].
+        columns: directions in a turn in which all lasers fire, at 10 turns a second.
+    """
+
+    elevations_deg: tuple[float, ...]
+    columns: int
+
+
+def _evenly(low: float, high: float, num: int) -> tuple[float, ...]:
+    return tuple((low + (high - low) * np.arange(num) / (num - 1)).round(4).tolist())
+
+
+LIDAR_MODELS: Final = {
+    "VLP-16": LidarModel(_evenly(-15.0, 15.0, 16), 1800),
+    "HDL-32E": LidarModel(_evenly(-30.67, 10.67, 32), 2170),
+    "OS1-64": LidarModel(_evenly(-22.5, 22.5, 64), 1024),
+    "OS1-128": LidarModel(_evenly(-22.5, 22.5, 128), 1024),
+}
+"""Models by name. At 10 turns a second a VLP-16 fires each 0.2 deg, an HDL-32E each 46.08 us."""
+
 
 MAX_RINGS: Final = 256
 """Rings of one lidar."""
@@ -55,9 +80,9 @@ class Cloud(Sighting, eq=False):
 
 def _maker(store: Store) -> Callable[[Struct, Cloud], Struct]:
     """Return a function that makes the PointCloud2 of a turn."""
-    names = ("header", "height", "width", "fields", "is_bigendian", "point_step", "row_step", "data", "is_dense")
-    make = maker(store, Lidar3dSpec.type_name, *names)
-    field = maker(store, "sensor_msgs/PointField", "name", "offset", "datatype", "count")
+    names = "header height width fields is_bigendian point_step row_step data is_dense"
+    make = maker(store, Lidar3dSpec.type_name, names)
+    field = maker(store, "sensor_msgs/PointField", "name offset datatype count")
     parts, step = POINT_TYPE.fields, POINT_TYPE.itemsize
     assert parts is not None, "it has fields"
     fields = [field(name, parts[name][1], _UINT16 if name == "ring" else _FLOAT32, 1) for name in parts]

@@ -26,24 +26,19 @@ class PictureMessages:
     """
 
     def __init__(self, store: Store) -> None:
-        self.compressed = maker(store, "sensor_msgs/CompressedImage", "header", "format", "data")
-        self.image = maker(
-            store,
-            "sensor_msgs/Image",
-            *("header", "height", "width", "encoding", "is_bigendian", "step", "data"),
-        )
+        self.compressed = maker(store, "sensor_msgs/CompressedImage", "header format data")
+        self.image = maker(store, "sensor_msgs/Image", "header height width encoding is_bigendian step data")
         info = store.message("sensor_msgs/CameraInfo").struct_type
         self._info: Any = info
         # ROS 2 has written them small.
         self._names = {name: name if name in info.__struct_fields__ else name.lower() for name in "DKRP"}
-        self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
-        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._boxes = maker(store, BOXES, "header", "boxes")
+        self._point = maker(store, "geometry_msgs/Point", "x y z")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
+        self._boxes = maker(store, BOXES, "header boxes")
         self._box = maker(
             store,
             "rosbridge_sim_msgs/BoundingBox",
-            *("unique_id", "label", "left", "top", "right", "bottom", "visibility"),
-            *("center", "size", "forward", "up"),
+            "unique_id label left top right bottom visibility center size forward up",
         )
 
     def camera_info(self, header: Struct, camera: CameraModel, model: str) -> Struct:

@@ -18,11 +18,9 @@ class _Maker:
     """Maker of the messages of all radars of a simulator."""
 
     def __init__(self, store: Store) -> None:
-        self._detections = maker(store, RadarSpec.type_name, "header", "detections")
-        self._detection = maker(
-            store, "morai_msgs/RadarDetection", "detection_id", "position", "azimuth", "rangerate", "amplitude"
-        )
-        self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
+        self._detections = maker(store, RadarSpec.type_name, "header detections")
+        self._detection = maker(store, "morai_msgs/RadarDetection", "detection_id position azimuth rangerate amplitude")
+        self._point = maker(store, "geometry_msgs/Point", "x y z")
 
     def make(self, header: Struct, echoes: RadarEchoes) -> Struct:
         """Return the RadarDetections of a scan."""

@@ -21,26 +21,30 @@ class VisionMessages:
     def __init__(self, store: Store) -> None:
         self._is_ros2 = store.ros != 1
         last = ("source_img", "source_cloud") if store.ros == 1 else ("id", "id")
-        self._arrays = {name: maker(store, name, "header", "detections") for name in (DETECTIONS_2D, DETECTIONS_3D)}
-        self._flat = maker(store, "vision_msgs/Detection2D", "header", "results", "bbox", last[0])
-        self._solid = maker(store, "vision_msgs/Detection3D", "header", "results", "bbox", last[1])
-        self._box_2d = maker(store, "vision_msgs/BoundingBox2D", "center", "size_x", "size_y")
-        self._box_3d = maker(store, "vision_msgs/BoundingBox3D", "center", "size")
-        fields = ("hypothesis", "pose") if self._is_ros2 else ("id", "score", "pose")
-        self._result = maker(store, "vision_msgs/ObjectHypothesisWithPose", *fields)
-        self._hypothesis = maker(store, "vision_msgs/ObjectHypothesis", "class_id" if self._is_ros2 else "id", "score")
-        self._header = maker(store, "std_msgs/Header", *store.message("std_msgs/Header").struct_type.__struct_fields__)
-        self._pose_2d = (
-            maker(store, "vision_msgs/Pose2D", "position", "theta")
-            if self._is_ros2
-            else maker(store, "geometry_msgs/Pose2D", "x", "y", "theta")
+        self._arrays = {name: maker(store, name, "header detections") for name in (DETECTIONS_2D, DETECTIONS_3D)}
+        self._flat = maker(store, "vision_msgs/Detection2D", f"header results bbox {last[0]}")
+        self._solid = maker(store, "vision_msgs/Detection3D", f"header results bbox {last[1]}")
+        self._box_2d = maker(store, "vision_msgs/BoundingBox2D", "center size_x size_y")
+        self._box_3d = maker(store, "vision_msgs/BoundingBox3D", "center size")
+        fields = "hypothesis pose" if self._is_ros2 else "id score pose"
+        self._result = maker(store, "vision_msgs/ObjectHypothesisWithPose", fields)
+        self._hypothesis = maker(
+            store, "vision_msgs/ObjectHypothesis", "class_id score" if self._is_ros2 else "id score"
         )
-        self._point_2d = maker(store, "vision_msgs/Point2D", "x", "y")
-        self._pose = maker(store, "geometry_msgs/Pose", "position", "orientation")
-        self._uncertain = maker(store, "geometry_msgs/PoseWithCovariance", "pose", "covariance")
-        self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
-        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+        self._header = maker(
+            store, "std_msgs/Header", " ".join(store.message("std_msgs/Header").struct_type.__struct_fields__)
+        )
+        self._pose_2d = (
+            maker(store, "vision_msgs/Pose2D", "position theta")
+            if self._is_ros2
+            else maker(store, "geometry_msgs/Pose2D", "x y theta")
+        )
+        self._point_2d = maker(store, "vision_msgs/Point2D", "x y")
+        self._pose = maker(store, "geometry_msgs/Pose", "position orientation")
+        self._uncertain = maker(store, "geometry_msgs/PoseWithCovariance", "pose covariance")
+        self._point = maker(store, "geometry_msgs/Point", "x y z")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x y z w")
         self._no_sources = {
             DETECTIONS_2D: store.message("sensor_msgs/Image").struct_type(),
             DETECTIONS_3D: store.message("sensor_msgs/PointCloud2").struct_type(),

@@ -9,7 +9,6 @@ import logging
 from typing import Any
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -74,6 +73,5 @@ class WeatherControl(Component):
                 f"weather: expected one of {', '.join(known)}, or nothing to ask; got {name[:40]!r}{hint(name, known)}"
             )
             message = str(error)
-            explain(call.caller, "error", f"{call.service.name}: {message}", error.reason)
-        respond = call.service.type.response.struct_type
-        call.answer(respond(result=not message, message=message, weather=self.weather.value))
+            call.explain(message, error.reason)
+        call.respond(result=not message, message=message, weather=self.weather.value)

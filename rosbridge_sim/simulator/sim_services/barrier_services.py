@@ -33,8 +33,7 @@ class BarrierServices(Component):
         self._make = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/Barrier",
-            *("frame", "is_paused", "time_step", "deadline_s"),
-            *("members", "ticked", "waited_for", "joining", "leaving", "late_counts"),
+            "frame is_paused time_step deadline_s members ticked waited_for joining leaving late_counts",
         )
         hooks = context.barrier.hooks
         hooks.tell.append(_tell)
@@ -60,16 +59,14 @@ class BarrierServices(Component):
         why = self._explain(call, outcome)
         if not why:
             _log.info("%r joined the barrier at frame %d, from %s", user_id, context.world.frame, call.caller.name)
-        call.answer(
-            call.service.type.response.struct_type(
-                result=not why,
-                message=why,
-                user_id=request.user_id if why else user_id,
-                frame=context.world.frame,
-                time_step=barrier.step_ms,
-                deadline_s=barrier.deadline,
-                members=barrier.status().members,
-            )
+        call.respond(
+            result=not why,
+            message=why,
+            user_id=request.user_id if why else user_id,
+            frame=context.world.frame,
+            time_step=barrier.step_ms,
+            deadline_s=barrier.deadline,
+            members=barrier.status().members,
         )
 
     def _leave(self, call: Call, now: float) -> None:
@@ -81,13 +78,11 @@ class BarrierServices(Component):
         if not why:
             _log.info("%r left the barrier at frame %d", request.user_id, context.world.frame)
         status = barrier.status()
-        call.answer(
-            call.service.type.response.struct_type(
-                result=not why,
-                message=why,
-                frame=context.world.frame,
-                members=[user_id for user_id in status.members if user_id not in status.leaving],
-            )
+        call.respond(
+            result=not why,
+            message=why,
+            frame=context.world.frame,
+            members=[user_id for user_id in status.members if user_id not in status.leaving],
         )
 
     def _check_still(self, call: Call) -> None:
@@ -104,7 +99,7 @@ class BarrierServices(Component):
         if outcome.is_accepted:
             return ""
         why = self._context.barrier.why(outcome, call.caller)
-        explain(call.caller, "warning", f"{call.service.name}: {why}", outcome.reason)
+        call.explain(why, outcome.reason, "warning")
         return why
 
     def _follow_pause(self, now: float) -> None:

@@ -40,9 +40,7 @@ class Contacts(Component):
         self._publisher: PeriodicPublisher | None = None
         self._before: IntArray = NO_CONTACTS
         self._make = late_maker(
-            context.bus.store,
-            "rosbridge_sim_msgs/Contact",
-            *("header", "frame", "id", "kind", "name", "x", "y", "z", "relative_speed"),
+            context.bus.store, "rosbridge_sim_msgs/Contact", "header frame id kind name x y z relative_speed"
         )
         context.hooks.after_frame.append(self._after_frame)
         context.bus.on_topic.append(self._note_subscriber)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.participant import Participant, address_of, explain
+from rosbridge_sim.graph.participant import Participant, address_of
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -61,15 +61,14 @@ class ControlLeases(Component):
         caller, uid, seconds = call.caller, 0 if request.unique_id == -1 else request.unique_id, request.seconds
         why = self._why_not(uid, seconds)
         if why:
-            explain(caller, "error", f"{call.service.name}: {why}", Reason.WRONG_VALUE)
+            call.explain(why, Reason.WRONG_VALUE)
         elif seconds == 0.0:
             self._leases.pop((caller, uid), None)
         else:
             self._forget_removed_egos()
             self._leases[caller, uid] = _Lease(math.ceil(seconds / DT), self._context.world.frame)
             self._context.hooks.after_frame.wake(self._after_frame)
-        make = call.service.type.response.struct_type
-        call.answer(make(result=not why, message=why, client=address_of(caller)))
+        call.respond(result=not why, message=why, client=address_of(caller))
 
     def _why_not(self, uid: int, seconds: float) -> str:
         """Return why there can be no such lease; empty if there can."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import address_of, explain
+from rosbridge_sim.graph.participant import address_of
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -53,16 +53,14 @@ class Describe(Component):
 
     def _tell(self, call: Call, _now: float) -> None:
         request: Any = call.request
-        make = call.service.type.response.struct_type
         try:
             if self._context.stepper.is_moving:  # half of the world would be of the frame before
                 raise GraphError("a frame is being computed; call between two frames", reason=Reason.NOT_NOW)
             fields = self._describe(request.id)
         except PeerError as error:
-            explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-            call.answer(make(result=False, message=str(error)))
+            call.fail(error)
             return
-        call.answer(make(result=True, **fields))
+        call.respond(result=True, **fields)
 
     def _describe(self, number: int) -> dict[str, Any]:
         """Return the fields of the response.

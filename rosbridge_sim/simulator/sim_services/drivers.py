@@ -34,13 +34,11 @@ class Drivers(Component):
         self._make = late_maker(
             store,
             "rosbridge_sim_msgs/Drivers",
-            *("header", "frame", "is_paused", "is_synchronous", "is_replaying", "master", "master_clients"),
-            *("barrier_members", "time_step", "real_time_factor", "egos"),
+            "header frame is_paused is_synchronous is_replaying master master_clients barrier_members "
+            "time_step real_time_factor egos",
         )
         self._make_ego = late_maker(
-            store,
-            "rosbridge_sim_msgs/EgoDriver",
-            *("unique_id", "ctrl_mode", "gear", "driver", "client", "publishers"),
+            store, "rosbridge_sim_msgs/EgoDriver", "unique_id ctrl_mode gear driver client publishers"
         )
         context.hooks.on_leave.append(self._forget)
 

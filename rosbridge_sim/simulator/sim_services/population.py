@@ -16,7 +16,6 @@ from functools import partial
 from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting, GhostPose
@@ -73,8 +72,8 @@ class Population(Component):
         self._make_model = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/ModelInfo",
-            *("name", "kind", "is_own", "can_be_ego", "data_ids", "length", "width", "height", "wheelbase"),
-            *("front_overhang", "rear_overhang", "max_steer_deg", "max_accel", "max_decel", "mass"),
+            "name kind is_own can_be_ego data_ids length width height wheelbase front_overhang rear_overhang "
+            "max_steer_deg max_accel max_decel mass",
         )
 
     def bind(self, bindings: SubscribersServices) -> None:
@@ -107,7 +106,6 @@ class Population(Component):
             self._answer_now(call, act, has_ids=has_ids)
 
     def _answer_now(self, call: Call, act: Callable[[], Sequence[int]], *, has_ids: bool) -> None:
-        respond = call.service.type.response.struct_type
         ids: Sequence[int] = ()
         why = ""
         try:
@@ -116,9 +114,9 @@ class Population(Component):
         except PeerError as error:
             why = str(error)
             level = "warning" if error.reason is Reason.NOT_NOW else "error"
-            explain(call.caller, level, f"{call.service.name}: {why}", error.reason)
+            call.explain(why, error.reason, level)
         fields: dict[str, Any] = {"unique_ids": list(ids)} if has_ids else {}
-        call.answer(respond(result=not why, message=why, **fields))
+        call.respond(result=not why, message=why, **fields)
 
     def _check_now(self) -> None:
         """Check that the world may be changed now.
@@ -443,7 +441,7 @@ class Population(Component):
         catalogue = self._context.scene.catalogue
         own = set(map(id, catalogue.own))
         models = [self._model_info(model, is_own=id(model) in own) for model in catalogue.models]
-        call.answer(call.service.type.response.struct_type(models))
+        call.respond(models)
 
     def _model_info(self, model: Model, *, is_own: bool) -> Struct:
         body = model.body

@@ -10,7 +10,6 @@ import logging
 from typing import Any
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -39,14 +38,13 @@ class RealTimeFactor(Component):
                 self._check(factor)
             except PeerError as error:
                 why = str(error)
-                explain(call.caller, "error", f"{call.service.name}: {why}", error.reason)
+                call.explain(why, error.reason)
             else:
                 if factor != context.pacer.factor:
                     set_real_time_factor(context, factor, now)
                     _log.info("real-time factor %g, set by %s", factor, call.caller.name)
         measured = context.pacer.measure(now) if context.sync.is_free and context.pacer.is_started else 0.0
-        make = call.service.type.response.struct_type
-        call.answer(make(result=not why, message=why, factor=context.pacer.factor, measured=measured))
+        call.respond(result=not why, message=why, factor=context.pacer.factor, measured=measured)
 
     def _check(self, factor: float) -> None:
         """Check whether a factor can be had now.

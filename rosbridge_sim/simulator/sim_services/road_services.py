@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -20,7 +19,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
-from rosbridge_sim.simulator.plain.reading import Reader, answering
+from rosbridge_sim.simulator.plain.reading import answering
 from rosbridge_sim.simulator.sim_services.object_parsing import find_link
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.road_places import find_lane, is_on_road
@@ -46,18 +45,13 @@ class RoadServices(Component):
     It holds no state but the drawing of the map in use, which any program would make anew from the map.
     """
 
-    def __init__(self, context: SimulatorContext, reader: Reader) -> None:
-        """Offer nothing yet.
-
-        Args:
-            reader: finds routes on large maps.
-        """
+    def __init__(self, context: SimulatorContext) -> None:
+        """Offer nothing yet."""
         self._context = context
-        self._reader = reader
         self._num_waiting = 0
         self._drawing: MapDrawing | None = None
         self._drawn: object = None  # the map that `_drawing` is of
-        self._make_point = late_maker(context.bus.store, "geometry_msgs/Point", "x", "y", "z")
+        self._make_point = late_maker(context.bus.store, "geometry_msgs/Point", "x y z")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
@@ -85,9 +79,9 @@ class RoadServices(Component):
         drawing = self.drawing
         if request.page >= drawing.num_pages:
             text = f"page: expected 0..{drawing.num_pages - 1}, got {request.page}"
-            self._refuse(call, FieldError(text))
+            call.fail(FieldError(text))
             return
-        call.answer(call.service.type.response.struct_type(**drawing.page(request.page)))
+        call.respond(**drawing.page(request.page))
 
     # Routes
 
@@ -100,7 +94,7 @@ class RoadServices(Component):
                 text = f"{MAX_WAITING_ROUTES} routes are being found; ask again after one of the answers"
                 raise GraphError(text, reason=Reason.TOO_FAST)
         except PeerError as error:
-            self._refuse(call, error)
+            call.fail(error)
             return
 
         def find() -> _Found:
@@ -111,16 +105,14 @@ class RoadServices(Component):
             if found is None:
                 here, there = roads.ids[start[0]], roads.ids[goal[0]]
                 text = f"no way leads from {here!r} to {there!r} along the links"
-                self._refuse(call, GraphError(text, reason=Reason.REFUSED))
+                call.fail(GraphError(text, reason=Reason.REFUSED))
                 return
             route, points = found
-            call.answer(
-                call.service.type.response.struct_type(
-                    result=True,
-                    links=[roads.ids[lane] for lane in route.lanes],
-                    points=[self._make_point(*point) for point in points.tolist()],
-                    length_m=route.length,
-                )
+            call.respond(
+                result=True,
+                links=[roads.ids[lane] for lane in route.lanes],
+                points=[self._make_point(*point) for point in points.tolist()],
+                length_m=route.length,
             )
 
         if len(roads) <= MAX_LANES_AT_ONCE:
@@ -136,12 +128,12 @@ class RoadServices(Component):
             if call.is_done:
                 return
             if isinstance(found, DocumentError):
-                self._refuse(call, GraphError(str(found)))
+                call.fail(GraphError(str(found)))
             else:
                 answer(found)
 
         self._num_waiting += 1
-        self._reader.read(find, answering(call.refuse, then), now)
+        self._context.reader.read(find, answering(call.refuse, then), now)
 
     # Lanes
 
@@ -154,25 +146,18 @@ class RoadServices(Component):
             if near is None:
                 raise GraphError("the map has no lanes", reason=Reason.REFUSED)
         except PeerError as error:
-            self._refuse(call, error)
+            call.fail(error)
             return
-        call.answer(
-            call.service.type.response.struct_type(
-                result=True,
-                link=roads.ids[near.lane],
-                distance=near.s,
-                lateral=near.lateral,
-                heading_deg=math.degrees(near.yaw),
-                speed_limit=float(roads.speed_limit[near.lane]),
-                length=float(roads.length[near.lane]),
-                is_on_road=is_on_road(roads, x, y),
-            )
+        call.respond(
+            result=True,
+            link=roads.ids[near.lane],
+            distance=near.s,
+            lateral=near.lateral,
+            heading_deg=math.degrees(near.yaw),
+            speed_limit=float(roads.speed_limit[near.lane]),
+            length=float(roads.length[near.lane]),
+            is_on_road=is_on_road(roads, x, y),
         )
-
-    def _refuse(self, call: Call, error: PeerError) -> None:
-        """Answer that a question has no answer, and why."""
-        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))
 
 
 def _read_place(place: Struct, where: str, roads: Roads) -> tuple[int, float]:

@@ -10,14 +10,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader, answering
+from rosbridge_sim.simulator.plain.reading import answering
 
 MAX_LISTED: Final = 50
 """Scenarios of one answer: each is a file of 10 to 100 kB that is read, some 2 ms."""
@@ -102,24 +101,22 @@ class ScenarioShelf(Protocol):
 class Scenarios(Component):
     """The component of what can be loaded. It holds no state but the number of those that wait."""
 
-    def __init__(self, context: SimulatorContext, reader: Reader, shelf: ScenarioShelf | None) -> None:
+    def __init__(self, context: SimulatorContext, shelf: ScenarioShelf | None) -> None:
         """Offer nothing yet.
 
         Args:
-            reader: reads and draws.
             shelf: the source; None where there is none.
         """
         self._context = context
-        self._reader = reader
         self._shelf = shelf
         self._num_waiting = 0
         store = context.bus.store
         self._make_scenario = late_maker(
             store,
             "rosbridge_sim_msgs/ScenarioInfo",
-            *("name", "map", "num_egos", "num_vehicles", "num_pedestrians", "num_obstacles", "is_loaded", "problem"),
+            "name map num_egos num_vehicles num_pedestrians num_obstacles is_loaded problem",
         )
-        self._make_recording = late_maker(store, "rosbridge_sim_msgs/RecordingInfo", "name", "size", "modified")
+        self._make_recording = late_maker(store, "rosbridge_sim_msgs/RecordingInfo", "name size modified")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
@@ -188,7 +185,7 @@ class Scenarios(Component):
                 raise GraphError(text, reason=Reason.TOO_FAST)
             work = choose(self._shelf)
         except PeerError as error:
-            self._refuse(call, error)
+            call.fail(error)
             return
 
         def then(outcome: T | DocumentError, _now: float) -> None:
@@ -196,13 +193,9 @@ class Scenarios(Component):
             if call.is_done:
                 return
             if isinstance(outcome, DocumentError):
-                self._refuse(call, GraphError(str(outcome), reason=Reason.REFUSED))
+                call.fail(GraphError(str(outcome), reason=Reason.REFUSED))
             else:
-                call.answer(call.service.type.response.struct_type(result=True, **answer(outcome)))
+                call.respond(result=True, **answer(outcome))
 
         self._num_waiting += 1
-        self._reader.read(work, answering(call.refuse, then), now)
-
-    def _refuse(self, call: Call, error: PeerError) -> None:
-        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))
+        self._context.reader.read(work, answering(call.refuse, then), now)

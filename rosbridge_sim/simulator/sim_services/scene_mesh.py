@@ -8,15 +8,14 @@ from __future__ import annotations
 from functools import partial
 from typing import Any, Final
 
-from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.mesh_pages import MeshPages, mesh_pages
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader, answering
+from rosbridge_sim.simulator.plain.reading import answering
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 
 MAX_LANES: Final = 10_000
@@ -29,18 +28,14 @@ MAX_WAITING: Final = 64
 class SceneMesh(Component):
     """The component of the mesh. It holds no state but what any program would make anew from map and seed."""
 
-    def __init__(
-        self, context: SimulatorContext, reader: Reader, road_services: RoadServices, *, is_dressed: bool
-    ) -> None:
+    def __init__(self, context: SimulatorContext, road_services: RoadServices, *, is_dressed: bool) -> None:
         """Offer nothing yet.
 
         Args:
-            reader: makes the mesh.
             road_services: has the digest of the map.
             is_dressed: with buildings, trees and posts beside the roads.
         """
         self._context = context
-        self._reader = reader
         self._road_services = road_services
         self._is_dressed = is_dressed
         self._key: tuple[RoadMap, int] | None = None
@@ -58,10 +53,10 @@ class SceneMesh(Component):
         if is_same and self._made is not None:
             self._answer(call, self._made)
         elif len(self._context.world.roads) > MAX_LANES:
-            self._refuse(call, GraphError(f"the map has more than {MAX_LANES:,} lanes", reason=Reason.TOO_MUCH))
+            call.fail(GraphError(f"the map has more than {MAX_LANES:,} lanes", reason=Reason.TOO_MUCH))
         elif len(self._waiting) >= MAX_WAITING:
             text = f"{MAX_WAITING} calls wait for the mesh; ask again after one of the answers"
-            self._refuse(call, GraphError(text, reason=Reason.TOO_FAST))
+            call.fail(GraphError(text, reason=Reason.TOO_FAST))
         else:
             self._waiting.append(call)
             if not is_same:
@@ -88,13 +83,13 @@ class SceneMesh(Component):
                 end = answering(call.refuse, partial(self._end, call))
                 self._context.bus.guard.attempt("an answer with the mesh", end, outcome, now)
 
-        self._reader.read(work, then, now)
+        self._context.reader.read(work, then, now)
 
     def _end(self, call: Call, outcome: MeshPages | DocumentError, _now: float) -> None:
         if call.is_done:
             return
         if isinstance(outcome, DocumentError):
-            self._refuse(call, GraphError(str(outcome)))
+            call.fail(GraphError(str(outcome)))
         else:
             self._answer(call, outcome)
 
@@ -102,31 +97,25 @@ class SceneMesh(Component):
         request: Any = call.request
         if request.page >= len(mesh.pages):
             text = f"page: expected 0..{len(mesh.pages) - 1}, got {request.page}" if mesh.pages else "no roads"
-            self._refuse(call, FieldError(text))
+            call.fail(FieldError(text))
             return
         page = mesh.pages[request.page]
         x, y, z = page.middle
         scale_x, scale_y, scale_z = page.scale
-        call.answer(
-            call.service.type.response.struct_type(
-                result=True,
-                digest=mesh.digest,
-                map_digest=self._road_services.drawing.digest,
-                page=request.page,
-                num_pages=len(mesh.pages),
-                x=x,
-                y=y,
-                z=z,
-                scale_x=scale_x,
-                scale_y=scale_y,
-                scale_z=scale_z,
-                num_vertices=page.num_vertices,
-                num_triangles=page.num_triangles,
-                palette=page.palette,
-                data=page.data,
-            )
+        call.respond(
+            result=True,
+            digest=mesh.digest,
+            map_digest=self._road_services.drawing.digest,
+            page=request.page,
+            num_pages=len(mesh.pages),
+            x=x,
+            y=y,
+            z=z,
+            scale_x=scale_x,
+            scale_y=scale_y,
+            scale_z=scale_z,
+            num_vertices=page.num_vertices,
+            num_triangles=page.num_triangles,
+            palette=page.palette,
+            data=page.data,
         )
-
-    def _refuse(self, call: Call, error: PeerError) -> None:
-        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
-        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))

@@ -67,27 +67,14 @@ class SceneState(Component):
         self._make = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SceneState",
-            *("header", "frame", "map_digest", "scenario", "id", "kind", "x", "y", "z", "roll", "pitch", "heading"),
-            *(
-                "speed",
-                "length",
-                "width",
-                "height",
-                "center_x",
-                "shape",
-                "paint",
-                "lamps",
-                "flags",
-                "light_state",
-                "light_time_left",
-            ),
+            "header frame map_digest scenario id kind x y z roll pitch heading speed length width height "
+            "center_x shape paint lamps flags light_state light_time_left",
         )
         self._make_view = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SceneView",
-            *("header", "frame", "map_digest", "scenario", "origin_x", "origin_y", "origin_z", "id", "kind", "x", "y"),
-            *("z", "roll", "pitch", "heading", "speed", "look", "sizes", "shapes", "paints", "lamps", "flags"),
-            *("light_state", "light_time_left"),
+            "header frame map_digest scenario origin_x origin_y origin_z id kind x y z roll pitch heading "
+            "speed look sizes shapes paints lamps flags light_state light_time_left",
         )
         self._view_publisher: PeriodicPublisher | None = None
         # What the lights show changes rarely: their columns are kept with the array that they were made from.

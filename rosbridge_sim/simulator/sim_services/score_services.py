@@ -44,15 +44,13 @@ class Scores(Component):
         self._is_always = is_always
         self._publisher: PeriodicPublisher | None = None
         store = context.bus.store
-        self._make_message = late_maker(store, "rosbridge_sim_msgs/Scores", "header", "scores")
+        self._make_message = late_maker(store, "rosbridge_sim_msgs/Scores", "header scores")
         self._make_score = late_maker(
             store,
             "rosbridge_sim_msgs/EgoScore",
-            *("unique_id", "since_frame", "distance", "collisions", "collision_ids"),
-            *("red_lights", "stop_lines", "lane_invasions", "off_road_time", "is_off_road"),
-            *("time_to_collision", "min_time_to_collision"),
-            *("lane_offset", "mean_lane_offset", "max_lane_offset", "jerk", "max_jerk", "rms_jerk"),
-            *("lateral_accel", "max_lateral_accel", "rms_lateral_accel"),
+            "unique_id since_frame distance collisions collision_ids red_lights stop_lines lane_invasions "
+            "off_road_time is_off_road time_to_collision min_time_to_collision lane_offset mean_lane_offset "
+            "max_lane_offset jerk max_jerk rms_jerk lateral_accel max_lateral_accel rms_lateral_accel",
         )
         context.bus.on_topic.append(self._note_subscriber)
         context.hooks.on_reset.append(self._start_if_wanted)
@@ -100,7 +98,7 @@ class Scores(Component):
         scores = self._scores()
         if request.reset:
             world.reset_scores()
-        call.answer(call.service.type.response.struct_type(result=True, message=message, scores=scores))
+        call.respond(result=True, message=message, scores=scores)
 
     def _scores(self) -> list[Struct]:
         """Make the scores of all egos, in their order."""

@@ -23,7 +23,7 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import Participant, check_reading, explain, may_read, notifier, resolve
+from rosbridge_sim.graph.participant import Participant, check_reading, may_read, notifier, resolve
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -199,7 +199,7 @@ class StepService(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self.context = context
-        self._make_sample = late_maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic", "type", "message")
+        self._make_sample = late_maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic type message")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
@@ -213,7 +213,7 @@ class StepService(Component):
         try:
             steps = self._read(request, call)
         except PeerError as error:
-            explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
+            call.explain(error, error.reason)
             self._respond(call, message=str(error))
             return
         for sample in steps.plan.samples:
@@ -229,7 +229,7 @@ class StepService(Component):
             return
         stopped_by = steps.plan.watch.met if steps.plan.watch is not None else ""
         if not result.is_accepted:
-            explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
+            call.explain(result.why, result.reason, "warning")
             stopped_by = stopped_by or (INTERRUPTED if steps.num_done else "")
         self._respond(
             call,
@@ -243,7 +243,7 @@ class StepService(Component):
     def _respond(self, call: Call, **fields: object) -> None:
         context = self.context
         egos = [ego.status() for ego in context.egos if ego.is_there]
-        call.answer(call.service.type.response.struct_type(frame=context.world.frame, egos=egos, **fields))
+        call.respond(frame=context.world.frame, egos=egos, **fields)
 
     def _write(self, sample: _Sample, *, num_done: int) -> Struct:
         """Return the last message of a topic as the answer has it.

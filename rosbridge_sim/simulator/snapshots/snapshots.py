@@ -21,7 +21,6 @@ from hashlib import blake2b
 from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import DocumentError, PeerError, Reason
-from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
@@ -33,7 +32,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
-from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
+from rosbridge_sim.simulator.plain.reading import answering, read_while_held
 from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
@@ -87,7 +86,6 @@ class Snapshots(Component):
         context: SimulatorContext,
         components: Sequence[Component],
         replay: Replay,
-        reader: Reader,
         recordings: Recordings | None,
     ) -> None:
         """Keep nothing yet.
@@ -95,13 +93,11 @@ class Snapshots(Component):
         Args:
             components: all of the simulator, this one perhaps among them.
             replay: has the recording that moves the world.
-            reader: reads maps.
             recordings: where recordings come from; None for nowhere.
         """
         self._context = context
         self._state = NodeState(context, components)
         self._replay = replay
-        self._reader = reader
         self._recordings = recordings
         self._kept = KeptSnapshots(context.bus.account_of(context.participant))
         self._own = OwnBytes()
@@ -111,8 +107,8 @@ class Snapshots(Component):
         after_frame.append(publish_hash)
         context.bus.on_topic.append(lambda _topic: after_frame.wake(publish_hash))
         store = context.bus.store
-        self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id", "frame", "size", "state_hash")
-        self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header", "frame", "hash")
+        self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id frame size state_hash")
+        self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header frame hash")
         types = [store.definition(f"morai_msgs/{name}") for name in HASHED_TYPES]
         fields = [[(field.type, field.name) for field in one.fields] for one in types]
         self._definitions = blake2b(repr(fields).encode(), digest_size=8).digest()
@@ -132,9 +128,9 @@ class Snapshots(Component):
     # Hash
 
     def _tell_hash(self, call: Call, now: float) -> None:
-        make, frame = call.service.type.response.struct_type, self._context.world.frame
+        frame = self._context.world.frame
         if self._context.stepper.is_moving or self._context.sync.has_unready:  # there is no state to save
-            call.answer(make(frame, self._state.hash()))
+            call.respond(frame, self._state.hash())
             return
         state = self._state.save()
 
@@ -143,7 +139,7 @@ class Snapshots(Component):
             if isinstance(outcome, DocumentError):
                 call.refuse(str(outcome))
             else:
-                call.answer(make(frame, outcome))
+                call.respond(frame, outcome)
 
         size = state.size
         self._work(size, self._hash_maker(state, size), finish, call, now)
@@ -186,7 +182,7 @@ class Snapshots(Component):
             self._kept.expect(name, size)
         except Refusal as refusal:
             self._explain(call, refusal)
-            call.answer(struct_type(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
+            call.respond(False, str(refusal), "", self._context.world.frame, "", 0, b"")  # noqa: FBT003 - `result`
             return
         make_head, with_data = self._make_head(state), bool(request.with_data)
         make_hash = self._hash_maker(state, size)
@@ -226,7 +222,7 @@ class Snapshots(Component):
             finish(make(), now)
             return
         hold = partial(self._context.sync_driver.hold, call.caller)
-        read_while_held(self._reader, make, answering(call.refuse, finish), hold, now)
+        read_while_held(self._context.reader, make, answering(call.refuse, finish), hold, now)
 
     def _hash_maker(self, state: SavedState, size: int) -> Callable[[], str]:
         """Return a function that `_work` may call with this size, and that makes the hash of the state of now.
@@ -263,7 +259,7 @@ class Snapshots(Component):
         infos = [
             self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in by_name.items()
         ]
-        call.answer(call.service.type.response.struct_type(not strange, message, infos, self._kept.num_bytes_free))
+        call.respond(not strange, message, infos, self._kept.num_bytes_free)
 
     def _no_such(self, name: str) -> str:
         known = ", ".join(list(self._kept.by_name)[-5:]) or "none"
@@ -368,7 +364,7 @@ class Snapshots(Component):
             self._go_on(restoration, add, now)
 
         self._begin_reading(restoration)
-        self._reader.read(work, answering(restoration.call.refuse, then), now)
+        self._context.reader.read(work, answering(restoration.call.refuse, then), now)
 
     def _take_recording(
         self, restoration: _Restoration, key: RecordingKey, outcome: Recording | DocumentError, now: float
@@ -413,18 +409,17 @@ class Snapshots(Component):
         self._context.barrier.restored(now)
         frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)
-        call.answer(call.service.type.response.struct_type(True, "", frame, head.state_hash))  # noqa: FBT003 - `result`
+        call.respond(True, "", frame, head.state_hash)  # noqa: FBT003 - `result`
 
     def _refuse(self, call: Call, error: Refusal | PeerError | DocumentError) -> None:
         if call.is_done:
             return
         self._explain(call, error)
-        make = call.service.type.response.struct_type
-        call.answer(make(False, str(error), self._context.world.frame, ""))  # noqa: FBT003 - `result`
+        call.respond(False, str(error), self._context.world.frame, "")  # noqa: FBT003 - `result`
 
     def _explain(self, call: Call, error: Refusal | PeerError | DocumentError) -> None:
         reason = Reason.WRONG_VALUE if isinstance(error, DocumentError) else error.reason
-        explain(call.caller, "warning", f"{call.service.name}: {error}", reason)
+        call.explain(error, reason, "warning")
 
 
 class _Restoration:

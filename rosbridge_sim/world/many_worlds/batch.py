@@ -28,9 +28,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.contacts.collisions import CollisionDetector
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
-from rosbridge_sim.world.many_worlds.many_paths import ManyPaths
-from rosbridge_sim.world.many_worlds.many_roads import ManyRoads
-from rosbridge_sim.world.many_worlds.many_signals import ManySignals
+from rosbridge_sim.world.many_worlds.many_roads import ManyPaths, ManyRoads, ManySignals
 from rosbridge_sim.world.roads.paths import Paths
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals

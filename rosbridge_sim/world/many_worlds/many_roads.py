@@ -1,4 +1,6 @@
-"""The lanes of a map, once for each of many worlds: row w * l + i is lane i in world w, of l lanes.
+"""Lanes, lights and paths of many worlds, which a step reads as those of one.
+
+The lanes of a map are there once for each world: row w * l + i is lane i in world w, of l lanes.
 
 Points, lines and all that is searched by place are those of the map, shared. What is kept for each lane is repeated, so
 that drivers of different worlds never have a lane in common. The lines are not shifted: that would change rounding.
@@ -6,7 +8,8 @@ that drivers of different worlds never have a lane in common. The lines are not 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -17,7 +20,10 @@ from rosbridge_sim.world.geometry.segment_cells import SegmentCells
 from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts, Links
 from rosbridge_sim.world.roads.lane_joins import Joins
+from rosbridge_sim.world.roads.paths import Paths
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.roads.signals import NEVER_FRAME, Signals, look_at
 from rosbridge_sim.world.roads.turn_shares import ONE, TurnKinds, TurnShares
 
 T = TypeVar("T")
@@ -177,3 +183,78 @@ class _ManyTurns(TurnKinds):
         bounds = self._one.bounds(shares)
         step = ONE * len(self._roads.alone)
         return np.tile(bounds, self._roads.num) + (np.arange(self._roads.num) * step).repeat(len(bounds))
+
+
+class ManyPaths(Paths):
+    """The stores of some worlds, one after another; read only.
+
+    Attributes:
+        first_key: (w,) int64, what is added to the bases of each world.
+
+    Args:
+        stores: of the worlds.
+    """
+
+    __slots__ = ("first_key",)
+
+    def __init__(self, stores: Sequence[Paths]) -> None:
+        super().__init__()
+        lengths = np.array([store.next_base for store in stores], dtype=np.int64)
+        self.first_key: IntArray = np.cumsum(lengths) - lengths
+        used = [(store, key) for store, key in zip(stores, self.first_key.tolist(), strict=True) if store.num]
+        if used:
+            self.keys = np.concatenate([store.keys + key for store, key in used])
+            self.segments = np.concatenate([store.segments for store, _ in used])
+        self.num = len(self.keys)
+
+
+class ManySignals(Signals):
+    """The lights of all worlds of a batch.
+
+    `shown` and `may_enter` have those of one world after another, as `ManyRoads` has its lanes. Of the plan, only
+    `light_of_lane` is repeated.
+
+    Args:
+        plan: of the map.
+        num: number of worlds.
+        signals_of: returns the lights of a world, None for a world that is not there.
+        frames: (num,) int64, the frame of each world; the owner moves it on.
+    """
+
+    __slots__ = ("_frames", "_map_plan", "_next", "_num_lanes", "_num_lights", "_signals_of", "_stale")
+
+    def __init__(
+        self, plan: SignalPlan, num: int, signals_of: Callable[[int], Signals | None], frames: IntArray
+    ) -> None:
+        self._signals_of, self._frames = signals_of, frames
+        self._num_lanes, self._num_lights = len(plan.light_of_lane), len(plan.lights)
+        self._map_plan, self.plan = plan, copy(plan)
+        self.plan.light_of_lane = np.tile(plan.light_of_lane, num)
+        self.may_enter = np.ones(num * self._num_lanes, dtype=bool)
+        self.shown = np.zeros(num * self._num_lights, dtype=np.int64)
+        self._next: IntArray = np.zeros(num, dtype=np.int64)
+        self._stale = set(range(num))
+
+    def forget(self, world: int) -> None:
+        """Read the lights of a world anew before the next step."""
+        self._stale.add(world)
+
+    def advance(self, _frame: int) -> None:
+        """Move all lights on to the next frames of their worlds."""
+        for world in self._stale:
+            self._next[world] = 0
+        self._stale.clear()
+        frames = self._frames + 1
+        due = (frames >= self._next).nonzero()[0]
+        if not len(due):
+            return
+        self._next[due] = NEVER_FRAME
+        found = [(world, signals.timing) for world in due.tolist() if (signals := self._signals_of(world)) is not None]
+        if not found:
+            return
+        worlds = np.array([world for world, _ in found])
+        timing = (np.stack(column) for column in zip(*(each for _, each in found), strict=True))
+        now = look_at(self._map_plan, frames[worlds, None], *timing)
+        self.may_enter.reshape(len(frames), self._num_lanes)[worlds] = now.may_enter
+        self.shown.reshape(len(frames), self._num_lights)[worlds] = now.shown
+        self._next[worlds] = now.next_change

@@ -275,14 +275,14 @@ def test_profile_settings_can_be_overridden_one_by_one() -> None:
 
 def test_user_definitions_may_have_other_fields() -> None:
     texts = {("x", "msg", "Pair"): "int32 extra\nint32 a\n"}
-    make = maker(Store(texts), "x/Pair", "a", "b")
+    make = maker(Store(texts), "x/Pair", "a b")
     value = make(1, 2)
     assert (value.a, value.extra) == (1, 0)
 
 
 def test_late_maker_compiles_its_type_at_the_first_call() -> None:
     store = Store({("x", "msg", "Pair"): "int32 extra\nint32 a\n"}, is_checked=True)
-    make = late_maker(store, "x/Pair", "a", "b")
+    make = late_maker(store, "x/Pair", "a b")
     assert type(store.message("x/Pair")) is LateMessageType
     assert [(value.a, value.extra) for value in (make(1, 2), make(3, 4))] == [(1, 0), (3, 0)]
     assert type(store.message("x/Pair")) is MessageType

@@ -11,7 +11,7 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, FisheyeModel, Pos
 from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
 from rosbridge_sim.scenery.pictures import Channel, Weather
 from rosbridge_sim.scenery.scene_frame import take_frame
-from rosbridge_sim.shell.rendering import gl_context
+from rosbridge_sim.shell.rendering import camera_renderer
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
 from rosbridge_sim.shell.rendering.shaders import ASPHALT_FADES, GRASS_FADES
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
@@ -257,7 +257,7 @@ def test_missing_graphics_name_the_packages_to_install(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(moderngl, "create_context", refuse)
     with pytest.raises(RenderingUnavailableError) as caught:
-        gl_context.open_context()
+        camera_renderer.open_context()
     _, _, packages = str(caught.value).partition("apt-get install ")
     assert packages == "libegl1 libgl1 libgl1-mesa-dri"
     assert packages in (ROOT / "Dockerfile").read_text("utf-8")

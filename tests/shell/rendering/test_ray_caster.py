@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
-from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import PAINTED, Label, Mesh, join_meshes
 from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
+from rosbridge_sim.simulator.sensors.lidar_3d import LIDAR_MODELS
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import (

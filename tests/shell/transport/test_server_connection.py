@@ -23,8 +23,7 @@ from rosbridge_sim.link import websocket_internals
 from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.transport import server_connection
-from rosbridge_sim.shell.transport.receiving_connection import COMPRESSED_AT_ONCE, Receiver
-from rosbridge_sim.shell.transport.server_connection import MAX_HELD, DirectConnection
+from rosbridge_sim.shell.transport.server_connection import COMPRESSED_AT_ONCE, MAX_HELD, DirectConnection, Receiver
 from tests.support import PATIENCE
 
 MAX_SIZE = 70_000

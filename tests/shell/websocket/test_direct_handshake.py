@@ -15,8 +15,8 @@ import pytest_asyncio
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.link.websocket_internals import LAST_ANSWERS
-from rosbridge_sim.shell.transport import receiving_connection
-from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY
+from rosbridge_sim.shell.transport import server_connection
+from rosbridge_sim.shell.transport.server_connection import MAX_EARLY
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
 from tests.graph.bus_fixture import make_store
@@ -203,7 +203,7 @@ async def test_program_that_sends_a_long_body_first_reads_the_answer(listen: Lis
 async def test_refused_request_that_never_ends_is_cut_off(
     listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(receiving_connection, "MAX_DISCARDED", 100_000)
+    monkeypatch.setattr(server_connection, "MAX_DISCARDED", 100_000)
     server = await listen(open_timeout=FOR_EVER)
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"no request\r\n")
