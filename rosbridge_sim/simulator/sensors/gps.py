@@ -13,11 +13,10 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.georeference import Georeference, import_projection
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_files import gps_text
-from rosbridge_sim.simulator.sensors.sensor_specs import GPS_FRAME, SensorSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import GPS_FRAME, EgoSensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import locate
 
 
@@ -30,19 +29,18 @@ class _Maker:
         self.make: Any = maker(store, GpsSpec.type_name, fields)
 
 
-class GpsSpec(SensorSpec, frozen=True, kw_only=True):
+class GpsSpec(EgoSensorSpec, frozen=True, kw_only=True):
     """The GPS antenna; the settings of topics have its rate."""
 
     kind: ClassVar[str] = "gps"
     morai_noun: ClassVar[str] = "GPS"
     morai_lists: ClassVar[tuple[str, ...]] = ("GPSList",)
-    is_on_each_ego: ClassVar[bool] = True
     frame_id: ClassVar[str] = GPS_FRAME
     topic: ClassVar[str] = "/gps"
     type_name: ClassVar[str] = "morai_msgs/GPSMessage"
-    rate: ClassVar[float] = USUAL_RATE
     file_name: ClassVar[str] = "GPS_{}.csv"
 
+    as_text = staticmethod(gps_text)
     load_library = staticmethod(import_projection)
     """Imports what `read` needs, for `ProjectionImport`."""
 
@@ -50,9 +48,10 @@ class GpsSpec(SensorSpec, frozen=True, kw_only=True):
         """Return the position of the antenna; None in real time while `ProjectionImport` is running."""
         simulator = shared.simulator
         is_early = simulator.projection_import.is_running and simulator.sync.is_free
-        return None if is_early else self._locate(shared, ego)
+        return None if is_early else self.measure(shared, ego)
 
-    def _locate(self, shared: SensorContext, ego: Ego) -> Struct:
+    def measure(self, shared: SensorContext, ego: Ego) -> Struct:
+        """Return the position of the antenna."""
         simulator, maker_ = shared.simulator, shared.once(_Maker)
         road_map = simulator.scene.road_map
         x, y, z = locate(simulator.world, ego.row, ego.mountings[self.frame_id])
@@ -66,7 +65,3 @@ class GpsSpec(SensorSpec, frozen=True, kw_only=True):
         latitude, longitude = place or (0.0, 0.0)
         header = shared.header(ego, self.frame_id)
         return maker_.make(header, latitude, longitude, z + up, east, north, 0 if place is None else 1)
-
-    def file(self, shared: SensorContext, ego: Ego) -> bytes:
-        """Return GPS_*.csv."""
-        return gps_text(shared.simulator.world.frame, self._locate(shared, ego))

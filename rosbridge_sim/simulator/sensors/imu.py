@@ -11,12 +11,11 @@ from typing import ClassVar
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_files import imu_text
 from rosbridge_sim.simulator.sensors.sensor_noise import covariance
-from rosbridge_sim.simulator.sensors.sensor_specs import IMU_FRAME, SensorSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import IMU_FRAME, EgoSensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import feel
 
 
@@ -34,25 +33,26 @@ class _Maker:
         self.quaternion = maker(store, "geometry_msgs/Quaternion", "x y z w")
 
 
-class ImuSpec(SensorSpec, frozen=True, kw_only=True):
+class ImuSpec(EgoSensorSpec, frozen=True, kw_only=True):
     """The inertial unit; the settings of topics have its rate."""
 
     kind: ClassVar[str] = "imu"
     morai_noun: ClassVar[str] = "IMU"
     morai_lists: ClassVar[tuple[str, ...]] = ("IMUList",)
-    is_on_each_ego: ClassVar[bool] = True
     frame_id: ClassVar[str] = IMU_FRAME
     topic: ClassVar[str] = "/imu"
     type_name: ClassVar[str] = "sensor_msgs/Imu"
-    rate: ClassVar[float] = USUAL_RATE
     file_name: ClassVar[str] = "IMU_{}.csv"
+
+    as_text = staticmethod(imu_text)
 
     def read(self, shared: SensorContext, ego: Ego, number: int = 0) -> Struct | None:  # noqa: ARG002 - it has one topic
         """Return the readings, in the frame of the unit; None if the noise of the settings loses them."""
         errors = shared.errors(ego)
-        return None if errors is not None and errors.is_imu_lost() else self._feel(shared, ego)
+        return None if errors is not None and errors.is_imu_lost() else self.measure(shared, ego)
 
-    def _feel(self, shared: SensorContext, ego: Ego) -> Struct:
+    def measure(self, shared: SensorContext, ego: Ego) -> Struct:
+        """Return the readings, in the frame of the unit."""
         make = shared.once(_Maker)
         reading = feel(shared.simulator.world, ego.row, ego.mountings[self.frame_id])
         about_axes = about_rates = about_accel = [0.0] * 9  # by convention, all zeros mean an unknown covariance
@@ -68,7 +68,3 @@ class ImuSpec(SensorSpec, frozen=True, kw_only=True):
             *(make.vector(*reading.angular_velocity), about_rates),
             *(make.vector(*reading.acceleration), about_accel),
         )
-
-    def file(self, shared: SensorContext, ego: Ego) -> bytes:
-        """Return IMU_*.csv."""
-        return imu_text(shared.simulator.world.frame, self._feel(shared, ego))

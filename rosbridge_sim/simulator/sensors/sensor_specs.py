@@ -17,6 +17,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, TypeAli
 
 from rosbridge_sim.documents import Table, number_within, text_within
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP, ODOM, WHEEL_FRAMES
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
@@ -196,6 +197,26 @@ class SensorSpec(Table, frozen=True, kw_only=True):
     def file(self, shared: SensorContext, ego: Ego) -> bytes:
         """Return the contents of `file_name` at this frame; a drawn sensor has them in its result."""
         raise NotImplementedError
+
+
+class EgoSensorSpec(SensorSpec, frozen=True, kw_only=True):
+    """A sensor that each ego has once; the settings of topics have its rate."""
+
+    is_on_each_ego: ClassVar[bool] = True
+    rate: ClassVar[float] = USUAL_RATE
+
+    @staticmethod
+    def as_text(frame: int, message: Struct) -> bytes:
+        """Return the contents of the file of a capture."""
+        raise NotImplementedError
+
+    def measure(self, shared: SensorContext, ego: Ego) -> Struct:
+        """Return the message of this frame."""
+        raise NotImplementedError
+
+    def file(self, shared: SensorContext, ego: Ego) -> bytes:
+        """Return the file of a capture."""
+        return self.as_text(shared.simulator.world.frame, self.measure(shared, ego))
 
 
 class MountedSpec(SensorSpec, frozen=True, kw_only=True):

@@ -20,7 +20,6 @@ from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.world.contacts.collisions import CollisionDetector
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.world import NO_CONTACTS, World
 
@@ -45,8 +44,7 @@ class Contacts(Component):
         context.hooks.after_frame.append(self._after_frame)
         context.bus.on_topic.append(self._note_subscriber)
         self._is_following = True
-        self._has_told = False
-        context.hooks.after_frame.append(self._tell_of_heap)
+        context.world.on_heap = self._tell_of_heap
         for moments in (context.hooks.on_reset, context.hooks.on_restore):
             moments.append(self._follow)
 
@@ -65,16 +63,15 @@ class Contacts(Component):
         """Take the world's contacts for known ones."""
         self._before = self._context.world.contacts
 
-    def _tell_of_heap(self, now: float) -> None:  # noqa: ARG002 - a hook
-        """Log once that not all contacts are found."""
+    def _tell_of_heap(self) -> None:
+        """Tell once that only a part of the contacts is found."""
         world = self._context.world
-        if not self._has_told and world.derived(CollisionDetector).is_partial:
-            self._has_told = True
-            _log.warning(
-                "frame %d: thousands of entities lie on top of one another; a part of their contacts is found, and all "
-                "contacts elsewhere. This is told once",
-                world.frame,
-            )
+        world.on_heap = None
+        _log.warning(
+            "frame %d: thousands of entities lie on top of one another; a part of their contacts is found, and all "
+            "contacts elsewhere. This is told once",
+            world.frame + 1,
+        )
 
     def _after_frame(self, now: float) -> None:
         world = self._context.world

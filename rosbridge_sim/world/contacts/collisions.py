@@ -84,7 +84,6 @@ class CollisionDetector:
 
     Attributes:
         poses: (2, 5, n) as the step began and as it ended: x, y [m], yaw [rad], speed [m/s], z [m].
-        is_partial: entities lie on top of one another, and only a part of their pairs is judged (`near_pairs`).
     """
 
     __slots__ = (
@@ -104,7 +103,7 @@ class CollisionDetector:
             "_poses_before",
             "_swing",
         ),
-        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "_world_of_row", "is_partial", "poses"),
+        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "_world_of_row", "poses"),
     )
 
     def __init__(self, world: World) -> None:
@@ -131,7 +130,6 @@ class CollisionDetector:
         self._drift = np.empty((2, 3, n))
         self._is_out = np.empty((2, 3, n), dtype=bool)
         self._life = 0
-        self.is_partial = False
         self._list(np.empty((2, 0), dtype=np.int64))
 
     def keep(self) -> None:
@@ -241,7 +239,8 @@ class CollisionDetector:
             return np.asarray(rows[np.array((is_near[0] & is_near[1] & self._may_meet).nonzero())])
         kind = self._world.kind[rows]
         near, is_all = find_near_pairs(place, span, kind <= Kind.VEHICLE, kind == Kind.EGO)
-        self.is_partial = not is_all
+        if not is_all and self._world.on_heap is not None:
+            self._world.on_heap()
         return rows[near]
 
     def _near_in_worlds(self, place: FloatArray, span: FloatArray, at: IntArray) -> IntArray:

@@ -479,10 +479,10 @@ class Batch(World):
 class _Poses:
     """The part of a `CollisionDetector` that others read, of one world."""
 
-    __slots__ = ("is_partial", "poses")
+    __slots__ = ("poses",)
 
     def __init__(self, poses: FloatArray) -> None:
-        self.poses, self.is_partial = poses, False
+        self.poses = poses
 
 
 class _Bodies:

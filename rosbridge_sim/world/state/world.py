@@ -111,12 +111,16 @@ class World(RowWorlds):
         passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
             `has_impacts` it is empty.
         turn_shares: how often drivers without a route turn; with None all lanes that follow are equally likely.
+        on_heap: called when entities lie on top of one another, so that a part of their pairs is judged alone
+            (`near_pairs`); None for nothing.
 
     Args:
         seed: not negative.
         dynamics, is_creeping, has_stability_control, turn_shares: see above.
         has_impacts: see `RowMotion`.
     """
+
+    on_heap: Callable[[], object] | None = None
 
     def __init__(
         self,
