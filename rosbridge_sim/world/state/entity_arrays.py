@@ -31,115 +31,6 @@ lines."""
 NO_BODY: Final = Body()
 """The body of a free row."""
 
-# Groups of columns, by the module or the subject that owns them. The order matters: the columns that `dynamics` reads
-# are one run, those that it writes are a run inside it, and likewise for `path_following`. So one call gathers a run.
-# Those modules name a run by its first and last column. The names are no part of digests or snapshots; the order is.
-
-# Egos: their bodies, what is commanded, and the ground below
-_TYRE_BODY: Final = (
-    *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "grip_along"),
-    *("front_drive", "pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
-)
-_TYRE_COMMANDS: Final = ("rear_steer_cmd", "creep", "rolls", "jerk_limit")
-_GROUND: Final = ("friction", "grade", "ground_pitch", "ground_roll")
-_CONTROLS: Final = ("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "holding", "steer_cmd")
-_LIMITS: Final = ("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag")
-_COMMANDS: Final = ("speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel")
-
-# Egos: written by `single_track`, and by `dynamics`
-_TYRES: Final = (
-    *("rear_steer", "drive_lag", "brake_lag", "lateral_speed", "yaw_accel"),
-    *("front_slip", "rear_slip", "front_force", "rear_force"),
-    *("lean_pitch", "lean_roll", "pitch_rate", "roll_rate"),
-)
-_PEDALS: Final = ("throttle", "brake", "steer")
-
-# All: pose and motion; the last group is that of ghosts
-_TILT: Final = ("pitch", "roll")
-_CHANGE_OF_MOTION: Final = ("accel", "lateral_accel", "yaw_rate")
-_POSE: Final = ("x", "y", "yaw", "speed")
-_CLIMB: Final = ("climb", "climb_accel")
-
-# All but egos: of `path_following`, of paths, and of `waiting`
-LEG_COLUMNS: Final = (
-    *("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
-    *("leg_yaw", "leg_turn"),
-)
-_PROGRESS: Final = ("z", "arc", *LEG_COLUMNS)
-_PATH: Final = ("path_length", "desired_speed")
-_WAITING: Final = ("start_within", "start_speed")
-
-# All: the box, and what `impacts` writes
-_BOX: Final = ("half_length", "half_width", "height", "centre")
-_IMPACT: Final = ("loose",)
-
-# Lane followers: of `lane_change_motion`, whose first four are one run, of `lane_changes`, and of `lane_wander`
-LANE_CHANGE_COLUMNS: Final = (
-    *("lateral", "lateral_rate", "drift", "drift_rate"),
-    *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
-    "lateral_bias",
-    *("wander_width", "wander", "wander_slope", "wander_slope_rate"),
-    *("wander_x", "wander_y", "wander_x_rate", "wander_y_rate"),
-)
-"""One run. They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
-
-LANE_CHANGE_CODES: Final = ("signal", "change", "change_since", "leaving", "came_from")
-"""One run of integers of `lane_changes`, and zeros likewise."""
-
-_LANES: Final = (
-    *("turns", "claim", "held", "exit_lane", "point", "behind"),  # from `behind` on they are one run
-    *("lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
-)
-
-# Egos, while scores are kept; the contacts are one run
-_SCORE: Final = (
-    *("score_distance", "time_to_collision", "min_time_to_collision"),
-    *("lane_offset", "lane_offset_sum", "max_lane_offset"),
-    *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
-)
-_SCORE_COUNTS: Final = (
-    *("score_since", "score_frames", "road_frames", "off_road_frames"),
-    *("num_collisions", "num_red_lights", "num_stop_lines", "num_lane_invasions"),
-    *("near_lane", "open_line", "open_reds"),
-    *("contact_1", "contact_2", "contact_3", "contact_4", "contact_5", "contact_6", "contact_7", "contact_8"),
-)
-_SCORE_STATES: Final = ("has_collided", "has_passed_red", "is_off_road", "is_over_left", "is_over_right")
-
-FLOATS: Final = (
-    # read by the single track model, from `_TYRES` on written by it; `path_following` writes from `x` on
-    *(*_TYRE_BODY, *_TYRE_COMMANDS, *_GROUND, *_TYRES, *_TILT),
-    # read by the kinematic model, from `_PEDALS` on written by it
-    *(*_CONTROLS, *_LIMITS, *_PEDALS, *_CHANGE_OF_MOTION, *_POSE),
-    *(*_PROGRESS, *_PATH, *_COMMANDS, *_WAITING, *_CLIMB, *_BOX, *_IMPACT),
-    *LANE_CHANGE_COLUMNS,
-    *_SCORE,
-)
-INTS: Final = (
-    *("uid", "kind", "gear", "mode", "path_base", "label", "yields"),
-    *_LANES,
-    *LANE_CHANGE_CODES,
-    *_SCORE_COUNTS,
-)
-BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost", "keeps_lane", *_SCORE_STATES)
-
-NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BOOLS.index("has_collided"))
-"""Columns of each block without those of `score`, which are zeros while no scores are kept."""
-
-
-_FLOAT_LINES: Final = {name: line for line, name in enumerate(FLOATS)}
-_INT_LINES: Final = {name: line for line, name in enumerate(INTS)}
-
-_KINEMATIC: Final = (
-    *(*_CONTROLS, *_LIMITS, *_PEDALS, *_CHANGE_OF_MOTION, *_POSE, *_PROGRESS, *_PATH, "roll", "pitch"),
-    *(*_COMMANDS, *_WAITING, "lateral_speed", *_CLIMB, *_BOX),
-)
-KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC])
-"""Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
-depend on the columns of other models."""
-
-KINEMATIC_ALL: Final = np.array([FLOATS.index(name) for name in (*_KINEMATIC, *_SCORE)])
-"""The same, with those of `score`."""
-
 
 class EntityArrays:
     """Arrays of equal length with one entry for each entity.
@@ -248,57 +139,12 @@ class EntityArrays:
         `path_following` explains leg_*.
     """
 
-    # Identity, and the box of the body
-    alive: BoolArray
-    uid: IntArray
-    kind: IntArray
-    label: IntArray
-    half_length: FloatArray
-    half_width: FloatArray
-    height: FloatArray
-    centre: FloatArray
-    # Pose and motion
-    x: FloatArray
-    y: FloatArray
-    yaw: FloatArray
-    speed: FloatArray
-    z: FloatArray
-    pitch: FloatArray
-    roll: FloatArray
-    accel: FloatArray
-    lateral_accel: FloatArray
-    yaw_rate: FloatArray
-    lateral_speed: FloatArray
-    climb: FloatArray
-    climb_accel: FloatArray
-    is_ghost: BoolArray
-    loose: FloatArray
-    # Egos: bodies, commands and controls
-    gear: IntArray
-    mode: IntArray
-    wheelbase: FloatArray
-    steer_rate: FloatArray
-    max_accel: FloatArray
-    max_decel: FloatArray
-    rolling: FloatArray
-    drag: FloatArray
-    speed_cmd: FloatArray
-    accel_cmd: FloatArray
-    max_steer: FloatArray
-    speed_accel: FloatArray
-    speed_decel: FloatArray
-    target: FloatArray
-    accel_max: FloatArray
-    accel_min: FloatArray
-    throttle_max: FloatArray
-    sense: FloatArray
-    drive: FloatArray
-    holding: FloatArray
-    steer_cmd: FloatArray
-    throttle: FloatArray
-    brake: FloatArray
-    steer: FloatArray
-    # Egos: the single track model
+    # Columns by the type of number, in groups by the module or the subject that owns them. The order matters: the
+    # columns that `dynamics` reads are one run, those that it writes are a run inside it, and likewise for
+    # `path_following`. So one call gathers a run. Those modules name a run by its first and last column. The names are
+    # no part of digests or snapshots; the order is.
+
+    # Floats read by the single track model: bodies, commands and the ground below of egos
     front_load: FloatArray
     cg_height: FloatArray
     dynamic_index: FloatArray
@@ -322,9 +168,11 @@ class EntityArrays:
     grade: FloatArray
     ground_pitch: FloatArray
     ground_roll: FloatArray
+    # From here on written by it
     rear_steer: FloatArray
     drive_lag: FloatArray
     brake_lag: FloatArray
+    lateral_speed: FloatArray
     yaw_accel: FloatArray
     front_slip: FloatArray
     rear_slip: FloatArray
@@ -334,14 +182,39 @@ class EntityArrays:
     lean_roll: FloatArray
     pitch_rate: FloatArray
     roll_rate: FloatArray
-    # Paths, and constant motion
-    has_path: BoolArray
-    is_loop: BoolArray
-    path_base: IntArray
-    yields: IntArray
-    path_length: FloatArray
-    desired_speed: FloatArray
+    # Tilt of all rows
+    pitch: FloatArray
+    roll: FloatArray
+    # Floats read by the kinematic model: controls and limits of egos
+    target: FloatArray
+    accel_max: FloatArray
+    accel_min: FloatArray
+    throttle_max: FloatArray
+    sense: FloatArray
+    drive: FloatArray
+    holding: FloatArray
+    steer_cmd: FloatArray
+    wheelbase: FloatArray
+    steer_rate: FloatArray
+    max_accel: FloatArray
+    max_decel: FloatArray
+    rolling: FloatArray
+    drag: FloatArray
+    # From here on written by it
+    throttle: FloatArray
+    brake: FloatArray
+    steer: FloatArray
+    accel: FloatArray
+    lateral_accel: FloatArray
+    yaw_rate: FloatArray
+    # Pose of all rows; `path_following` writes from here on
+    x: FloatArray
+    y: FloatArray
+    yaw: FloatArray
+    speed: FloatArray
+    z: FloatArray
     arc: FloatArray
+    # The leg of a path
     leg_start: FloatArray
     leg_end: FloatArray
     leg_x: FloatArray
@@ -352,29 +225,28 @@ class EntityArrays:
     leg_dz: FloatArray
     leg_yaw: FloatArray
     leg_turn: FloatArray
+    # Paths
+    path_length: FloatArray
+    desired_speed: FloatArray
+    # Last commands to egos
+    speed_cmd: FloatArray
+    accel_cmd: FloatArray
+    max_steer: FloatArray
+    speed_accel: FloatArray
+    speed_decel: FloatArray
+    # Rows that wait for an ego
     start_within: FloatArray
     start_speed: FloatArray
-    # Lanes
-    has_lane: BoolArray
-    turns: IntArray
-    claim: IntArray
-    held: IntArray
-    exit_lane: IntArray
-    point: IntArray
-    behind: IntArray
-    lane: IntArray
-    ahead_1: IntArray
-    ahead_2: IntArray
-    ahead_3: IntArray
-    ahead_4: IntArray
-    ahead_5: IntArray
-    # Lane changes and wander
-    signal: IntArray
-    change: IntArray
-    change_since: IntArray
-    leaving: IntArray
-    came_from: IntArray
-    keeps_lane: BoolArray
+    # Motion of ghosts
+    climb: FloatArray
+    climb_accel: FloatArray
+    # The box of all rows, and what `impacts` writes
+    half_length: FloatArray
+    half_width: FloatArray
+    height: FloatArray
+    centre: FloatArray
+    loose: FloatArray
+    # Lane followers: of `lane_change_motion`, whose first four are one run, of `lane_changes`, and of `lane_wander`
     lateral: FloatArray
     lateral_rate: FloatArray
     drift: FloatArray
@@ -393,7 +265,7 @@ class EntityArrays:
     wander_y: FloatArray
     wander_x_rate: FloatArray
     wander_y_rate: FloatArray
-    # Scores
+    # Egos, while scores are kept
     score_distance: FloatArray
     time_to_collision: FloatArray
     min_time_to_collision: FloatArray
@@ -405,6 +277,34 @@ class EntityArrays:
     jerk_square_sum: FloatArray
     max_lateral_accel: FloatArray
     lateral_accel_square_sum: FloatArray
+    # Integers of all rows
+    uid: IntArray
+    kind: IntArray
+    gear: IntArray
+    mode: IntArray
+    path_base: IntArray
+    label: IntArray
+    yields: IntArray
+    # Lane followers; from `behind` on they are one run
+    turns: IntArray
+    claim: IntArray
+    held: IntArray
+    exit_lane: IntArray
+    point: IntArray
+    behind: IntArray
+    lane: IntArray
+    ahead_1: IntArray
+    ahead_2: IntArray
+    ahead_3: IntArray
+    ahead_4: IntArray
+    ahead_5: IntArray
+    # Of `lane_changes`
+    signal: IntArray
+    change: IntArray
+    change_since: IntArray
+    leaving: IntArray
+    came_from: IntArray
+    # Egos, while scores are kept; the contacts are one run
     score_since: IntArray
     score_frames: IntArray
     road_frames: IntArray
@@ -424,6 +324,14 @@ class EntityArrays:
     contact_6: IntArray
     contact_7: IntArray
     contact_8: IntArray
+    # Truth values of all rows
+    alive: BoolArray
+    has_path: BoolArray
+    is_loop: BoolArray
+    has_lane: BoolArray
+    is_ghost: BoolArray
+    keeps_lane: BoolArray
+    # Egos, while scores are kept
     has_collided: BoolArray
     has_passed_red: BoolArray
     is_off_road: BoolArray
@@ -464,6 +372,46 @@ class EntityArrays:
         for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
             for i, column in enumerate(columns):
                 setattr(self, column, block[i, :n])
+
+
+def _columns(kind: str) -> tuple[str, ...]:
+    """Return the columns of one type of number, in the order of the class."""
+    return tuple(name for name, each in EntityArrays.__annotations__.items() if each == kind)
+
+
+FLOATS: Final = _columns("FloatArray")
+INTS: Final = _columns("IntArray")
+BOOLS: Final = _columns("BoolArray")
+_FLOAT_LINES: Final = {name: line for line, name in enumerate(FLOATS)}
+_INT_LINES: Final = {name: line for line, name in enumerate(INTS)}
+
+
+def _run(first: str, last: str) -> tuple[str, ...]:
+    """Return the columns of floats from one to another."""
+    return FLOATS[_FLOAT_LINES[first] : _FLOAT_LINES[last] + 1]
+
+
+NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BOOLS.index("has_collided"))
+"""Columns of each block without those of `score`, which are zeros while no scores are kept."""
+
+LEG_COLUMNS: Final = _run("leg_start", "leg_turn")
+
+LANE_CHANGE_COLUMNS: Final = _run("lateral", "wander_y_rate")
+"""They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
+
+LANE_CHANGE_CODES: Final = INTS[INTS.index("signal") : INTS.index("came_from") + 1]
+"""Integers of `lane_changes`, and zeros likewise."""
+
+_KINEMATIC: Final = (
+    *(*_run("target", "desired_speed"), "roll", "pitch"),
+    *(*_run("speed_cmd", "start_speed"), "lateral_speed", *_run("climb", "centre")),
+)
+KINEMATIC_CORE: Final = np.array([_FLOAT_LINES[name] for name in _KINEMATIC])
+"""Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
+depend on the columns of other models."""
+
+KINEMATIC_ALL: Final = np.array([*KINEMATIC_CORE, *range(NUM_CORE[0], len(FLOATS))])
+"""The same, with those of `score`."""
 
 
 def _blocks(capacity: int) -> tuple[FloatArray, IntArray, BoolArray]:

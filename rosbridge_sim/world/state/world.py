@@ -91,6 +91,12 @@ NO_PLAN: Final = SignalPlan(NO_ROADS)
 _YIELDS: Final = INTS.index("yields")
 _LANE_CHANGE_CODES: Final = [INTS.index(name) for name in LANE_CHANGE_CODES]
 _KEEPS_LANE: Final = BOOLS.index("keeps_lane")
+_KEPT: Final = (
+    *("frame", "seed", "is_scoring", "friction_share", "dynamics", "is_creeping", "has_stability_control"),
+    *("has_impacts", "turn_shares"),
+)
+"""Attributes that a snapshot has as they are."""
+
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 
 
@@ -448,8 +454,6 @@ class World(RowWorlds):
     def snapshot(self) -> Snapshot:
         """Return a copy of everything that decides what the world will do."""
         return Snapshot(
-            frame=self.frame,
-            seed=self.seed,
             next_uid=self._next_uid,
             uids=tuple(self._rows.items()),
             names=tuple(self.names),
@@ -462,15 +466,9 @@ class World(RowWorlds):
             roads=self.roads,
             signals=self.signals.snapshot(),
             routes=dict(self.routes),
-            is_scoring=self.is_scoring,
-            friction_share=self.friction_share,
-            dynamics=self.dynamics,
-            is_creeping=self.is_creeping,
-            has_stability_control=self.has_stability_control,
-            has_impacts=self.has_impacts,
             passing=self.passing.copy(),
             placed_uids=tuple(sorted(self.placed_uids)),
-            turn_shares=self.turn_shares,
+            **{name: getattr(self, name) for name in _KEPT},
         )
 
     def restore(self, saved: Snapshot) -> None:
@@ -485,13 +483,9 @@ class World(RowWorlds):
         self.contacts = saved.contacts.copy()
         self.roads, self.signals = saved.roads, Signals.restored(saved.signals)
         self.routes = dict(saved.routes)
-        self.frame, self.seed, self._next_uid = saved.frame, saved.seed, saved.next_uid
-        self.is_scoring, self.friction_share = saved.is_scoring, saved.friction_share
-        self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
-        self.has_stability_control = saved.has_stability_control
-        self.has_impacts, self.passing = saved.has_impacts, saved.passing.copy()
-        self.placed_uids = set(saved.placed_uids)
-        self.turn_shares = saved.turn_shares
+        self._next_uid, self.passing, self.placed_uids = saved.next_uid, saved.passing.copy(), set(saved.placed_uids)
+        for name in _KEPT:
+            setattr(self, name, getattr(saved, name))
         self.touch()
 
     def model_figures(self) -> bytes:
