@@ -62,6 +62,7 @@ def judge(
     lanes = {name: values[at] for name, values in worlds.lanes().items()}
     scores = {name: values[at] for name, values in worlds.scores().items()}
     speed, offset = worlds.egos(("speed",))["speed"][at], lanes["offset"]
+    # What ends an episode as a failure, and the goal.
     along = speed * np.cos(lanes["heading"])
     has_collided = scores["num_collisions"] > 0.0
     is_parking = task.goal == "bay"
@@ -80,6 +81,7 @@ def judge(
         has_arrived = (lane >= 0) & goal_lanes[np.arange(len(lane)), lane] & (lanes["s"] >= task.goal_s)
     is_failure = has_collided | is_off_road | is_wrong_way
     has_arrived &= ~is_failure
+    # The terms of the sum above, in its order.
     reward += weights["speed"] * np.maximum(0.0, 1.0 - np.abs(along / task.target_speed - 1.0))
     reward -= weights["offset"] * np.minimum(np.abs(offset) / 2.0, 1.0)
     reward -= weights["steering"] * np.square(actions[:, 0])

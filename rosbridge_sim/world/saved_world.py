@@ -142,6 +142,7 @@ class _Reader:
 
     def snapshot(self) -> Snapshot:
         """Read all of it."""
+        # The blocks first, since all others are judged by them.
         floats = self._array("floats", np.float64, (len(FLOATS), None))
         n = floats.shape[1]
         ints = self._array("ints", np.int64, (len(INTS), n))
@@ -157,12 +158,14 @@ class _Reader:
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
         self._check_labels(names, bodies, ints, bools)
+        # Scores: only while they are kept, and only those that this program has written.
         is_scoring = self._int("is_scoring", 0, 1) == 1
         if not is_scoring:
             scores = [block[num:].any() for block, num in zip((floats, ints, bools), NUM_CORE, strict=True)]
             _expect(not any(scores), "is_scoring", "zeros in the columns of scores while none are kept")
         digest = _digest_scores(floats, ints, bools, is_scoring=is_scoring)
         _expect(self._data.get("score_digest") == digest, "score_digest", "that of the scores")
+        # Pairs that touch, and what impacts add to them.
         contacts = self._array("contacts", np.int64, (None, 2))
         _expect(bool(np.isin(contacts, uids[:, 0]).all()), "contacts", "ids of entities")
         passing, placed = self._array("passing", np.int64, (None, 2)), self._array("placed_uids", np.int64, (None,))

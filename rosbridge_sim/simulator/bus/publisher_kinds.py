@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, gives_way
@@ -84,6 +84,31 @@ class TopicPublisher(Interface):
         if others and (self._is_exclusive or topic.owner in others):
             return f"topic {name} is published by {others[0].name}"
         return why_no_topic(owner, bus, name, self.type_name)
+
+
+class PublisherOptions(TypedDict, total=False):
+    """Options of a `PeriodicPublisher`.
+
+    Attributes:
+        is_exclusive: no other participant may publish there.
+        rate: default publications a second of simulated time [Hz]; the network settings may change it.
+        is_sampled: in synchronous mode it keeps its rate in simulated time, and is not published with every frame.
+        is_shown_in_pause: it is published while a pause stops real time; see the text of `publishers`.
+        version: for a topic for viewers, returns a value that differs if the message would, never None; see the text of
+            `publishers`. None for any other topic.
+        is_in_frames: it is published with the frames; if false, `version` alone decides when.
+        is_second_name: another topic has the same messages; see `second_names`.
+        depth: number of messages that are kept for late subscribers.
+    """
+
+    is_exclusive: bool
+    rate: float
+    is_sampled: bool
+    is_shown_in_pause: bool
+    version: Callable[[], object] | None
+    is_in_frames: bool
+    is_second_name: bool
+    depth: int
 
 
 class PeriodicPublisher(TopicPublisher):

@@ -31,7 +31,7 @@ import heapq
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from itertools import count
-from typing import Any, Final
+from typing import Any, Final, Unpack
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
@@ -39,8 +39,7 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
-from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
-from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher
+from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher, PublisherOptions
 from rosbridge_sim.world.state.world import DT
 
 MAX_WALL_RATE: Final = 120
@@ -85,15 +84,8 @@ class Publishers:
         type_name: str,
         make: Callable[[], Any],
         *,
-        is_exclusive: bool = True,
-        rate: float = USUAL_RATE,
-        is_sampled: bool = False,
-        is_shown_in_pause: bool = False,
-        version: Callable[[], object] | None = None,
-        is_in_frames: bool = True,
         is_everywhere: bool = True,
-        is_second_name: bool = False,
-        depth: int = 0,
+        **options: Unpack[PublisherOptions],
     ) -> PeriodicPublisher:
         """Publish a topic with every frame, or at a rate; a further ego's topic has the rate of the first ego's.
 
@@ -101,16 +93,8 @@ class Publishers:
             name: default name.
             make: returns the struct of the world's current state, or None if there is nothing to publish; called at
                 most once a frame.
-            is_exclusive: no other participant may publish there.
-            rate: default publications a second of simulated time [Hz]; the network settings may change it.
-            is_sampled: in synchronous mode it keeps its rate in simulated time, and is not published with every frame.
-            is_shown_in_pause: it is published while a pause stops real time; see the module's text.
-            version: for a topic for viewers, returns a value that differs if the message would, never None; see the
-                module's text. None for any other topic.
-            is_in_frames: it is published with the frames; if false, `version` alone decides when.
             is_everywhere: every release has the type. If false, nothing is published where a release lacks it.
-            is_second_name: another topic has the same messages; see `second_names`.
-            depth: number of messages that are kept for late subscribers.
+            options: see there.
 
         Returns:
             The publisher, for `show_now`.
@@ -118,24 +102,12 @@ class Publishers:
         Raises:
             GraphError: a client has given the topic another type.
         """
-        publisher = PeriodicPublisher(
-            name,
-            type_name,
-            make,
-            is_exclusive=is_exclusive,
-            rate=rate,
-            is_sampled=is_sampled,
-            is_shown_in_pause=is_shown_in_pause,
-            version=version,
-            is_in_frames=is_in_frames,
-            is_second_name=is_second_name,
-            depth=depth,
-        )
+        publisher = PeriodicPublisher(name, type_name, make, **options)
         publisher.limit(_max_rate(self._factor))
         self._items.add(publisher, is_everywhere=is_everywhere)
-        if version is not None:
+        if publisher.version is not None:
             self._for_viewers.append(publisher)
-        if is_in_frames:
+        if publisher.is_in_frames:
             self._periodic.append(publisher)
         return publisher
 

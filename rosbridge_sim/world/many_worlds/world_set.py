@@ -66,7 +66,7 @@ class WorldSet:
             if world.n > MAX_ROWS:
                 if world.batch is not None:
                     world.move_to(None, -1)
-            elif world.batch is None or key != _key_of_batch(world.batch):
+            elif world.batch is None or key != _key_of(world.batch):
                 wanted.setdefault(key, []).append(world)
         for key, worlds in wanted.items():
             for world in worlds:
@@ -82,7 +82,7 @@ class WorldSet:
         """Take worlds into batches of a key, and into new ones."""
         most = most_worlds(worlds[0].roads)
         left = list(worlds)
-        for batch in [each for each in self._batches if _key_of_batch(each) == key]:
+        for batch in [each for each in self._batches if _key_of(each) == key]:
             can_double = 2 * len(batch.worlds) <= most
             room = batch.worlds.count(None) + can_double * len(batch.worlds)
             for world in left[:room]:
@@ -96,16 +96,9 @@ class WorldSet:
             left = left[most:]
 
 
-def _key_of(world: OneOfMany) -> Hashable:
-    """Return what must be equal for worlds of one batch."""
+def _key_of(world: World) -> Hashable:
+    """Return what must be equal for worlds of one batch, of such a world or of the batch."""
     return (
-        *(world.roads.digest, world.plan.digest, world.frame % PHASES, world.dynamics, world.is_creeping),
+        *(world.roads.alone.digest, world.plan.digest, world.frame % PHASES, world.dynamics, world.is_creeping),
         *(world.has_stability_control, world.has_impacts, world.is_scoring, world.turn_shares, world.friction_share),
-    )
-
-
-def _key_of_batch(batch: Batch) -> Hashable:
-    return (
-        *(batch.map_roads.digest, batch.map_plan.digest, batch.frame, batch.dynamics, batch.is_creeping),
-        *(batch.has_stability_control, batch.has_impacts, batch.is_scoring, batch.turn_shares, batch.friction_share),
     )

@@ -227,14 +227,17 @@ class _People:
         x, y, yaw_now, speed_now, z = world.block("x", "z").take(rows, axis=1)
         place = x + 1j * y
         arc, goal, course = self._project(x, y, place)
+        # The foot on the path, not beyond the kerb at which a pedestrian waits.
         held = self._hold_at_kerb(arc)
         if held is not arc:
             arc = held
             goal, course = self._look_along(arc)
+        # The speed that it wants: 0 while it waits for an ego, at the end of the path, and before a kerb.
         wish = world.desired_speed[rows]
         wish[(world.start_within[rows] > 0.0) | (arc >= self._stop_from)] = 0.0
         free_wish = wish
         wish = self._mind_kerb(arc, wish)
+        # Social force model: (v0 e - v) / tau towards the goal, and pushes by people and by what is solid.
         way = goal - place
         towards = way / np.fmax(np.abs(way), STANDS)
         velocity = speed_now * np.exp(1j * yaw_now)
@@ -242,12 +245,14 @@ class _People:
         steps_back = (wish < free_wish) & (np.abs(from_solid) > CLOSE)
         push = (wish * towards - velocity) / RELAXATION + self._push(x, y, place, towards) + around
         most = HASTE * wish
+        # At a kerb it gives way to a vehicle that comes near, and stands otherwise.
         at = steps_back.nonzero()[0]
         if len(at):
             push[at] = -velocity[at] / RELAXATION
             most[at] = np.fmax(most[at], STEP_BACK)
         push += from_solid
         push *= np.fmin(1.0, MAX_PUSH / np.fmax(np.abs(push), MAX_PUSH))
+        # Euler's step to the next decision, with a bounded force and a bounded speed; below `STANDS` it stands.
         after = velocity + push * _SECONDS
         speed = np.abs(after)
         after *= np.fmin(speed, most) / np.fmax(speed, STANDS)
@@ -255,6 +260,7 @@ class _People:
         stands = speed < STANDS
         speed[stands] = 0.0
         yaw = np.where(stands, yaw_now, np.arctan2(after.imag, after.real))
+        # Until then it goes straight on: a leg that begins here and has no end.
         world.accel[rows] = (speed - speed_now) / _SECONDS
         world.speed[rows], world.yaw[rows] = speed, yaw
         world.arc[rows] = world.leg_start[rows] = arc
