@@ -6,7 +6,7 @@ import pytest
 
 from scripts.walks import PUBLISH, TICK, Figures, Visit, figures_of, measure_walks
 
-HELD = {PUBLISH: Figures(calls=29, files=16, rooms=8, changes=24), TICK: Figures(107, 45, 22, 86)}
+HELD = {PUBLISH: Figures(calls=29, files=16, rooms=8, changes=24), TICK: Figures(107, 45, 22, 85)}
 """A walk may be longer by ROOM; write lower figures with a change that makes one shorter."""
 
 ROOM = 1.1

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.state.row_program import RowProgram
+from rosbridge_sim.world.state.row_program import MovedRows, RowProgram
 from rosbridge_sim.world.state.world import BoolArray, Kind, World
 
 
@@ -39,27 +39,18 @@ def follow_paths(world: World, dt: float) -> None:
         moving.advance(dt)
 
 
-class _Moving:
+class _Moving(MovedRows):
     """The rows that move, and the numpy calls that move them.
 
     It lives until the next `World.touch`: until an entity comes or goes, stops or is placed.
     """
 
     def __init__(self, world: World) -> None:
-        self.world = world
         is_still = world.has_lane | world.is_ghost | (world.loose > 0.0) | ((world.speed == 0.0) & (world.yields == 0))
-        self.rows: IntArray = (world.alive & (world.kind != Kind.EGO) & ~is_still).nonzero()[0]
-        self.num = len(self.rows)
-        self.dt = 0.0
+        super().__init__(world, (world.alive & (world.kind != Kind.EGO) & ~is_still).nonzero()[0])
 
-    def advance(self, dt: float) -> None:
-        """Move the rows by `dt` [s]."""
-        if dt != self.dt:
-            self.dt = dt
-            self._write_program()
-        self.program.run()
-
-    def _write_program(self) -> None:
+    def write_program(self) -> None:
+        """Add the calls of a step; see the head of this file for the equations."""
         program = self.program = RowProgram(self.world, self.rows, "x", "leg_turn", written_from="x")
         # In the order of `entity_arrays.FLOATS`; a count that does not fit fails here.
         x, y, yaw, speed, z, arc = program.values[:6]

@@ -32,10 +32,9 @@ from rosbridge_sim.world.many_worlds.many_roads import ManyPaths, ManyRoads, Man
 from rosbridge_sim.world.roads.paths import Paths
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
-from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.chance import salt_of_seeds
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
-from rosbridge_sim.world.state.entity_types import Body, Dynamics, Kind
+from rosbridge_sim.world.state.entity_types import Body, Kind
 from rosbridge_sim.world.state.row_worlds import NO_ROUTE
 from rosbridge_sim.world.state.world import MAX_UID, NO_CONTACTS, World
 from rosbridge_sim.world.step import step
@@ -63,31 +62,13 @@ class OneOfMany(World):
         num_changes: rises when its rows change or move.
     """
 
-    def __init__(
-        self,
-        seed: int = 0,
-        dynamics: Dynamics = Dynamics.KINEMATIC,
-        *,
-        is_creeping: bool = False,
-        has_stability_control: bool = True,
-        has_impacts: bool = False,
-        turn_shares: TurnShares | None = None,
-    ) -> None:
-        self.batch: Batch | None = None
-        self.slot = -1
-        self.has_changed = True
-        self.num_changes = 0
-        self._own_frame = 0
-        self._own_contacts = NO_CONTACTS
-        self._seen_touches = -1
-        super().__init__(
-            seed,
-            dynamics,
-            is_creeping=is_creeping,
-            has_stability_control=has_stability_control,
-            has_impacts=has_impacts,
-            turn_shares=turn_shares,
-        )
+    batch: Batch | None = None
+    slot = -1
+    has_changed = True
+    num_changes = 0
+    _own_frame = 0
+    _own_contacts = NO_CONTACTS
+    _seen_touches = -1
 
     @property
     def frame(self) -> int:

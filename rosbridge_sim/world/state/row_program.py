@@ -22,6 +22,34 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.world import World
 
 
+class MovedRows:
+    """Rows that a program moves. It lives until the next `World.touch`; see there.
+
+    Attributes:
+        world: has the rows.
+        rows: (num,) int64.
+        dt: length of the step that the program is for [s].
+        program: its calls.
+    """
+
+    program: RowProgram
+
+    def __init__(self, world: World, rows: IntArray) -> None:
+        self.world, self.rows, self.num = world, rows, len(rows)
+        self.dt = 0.0
+
+    def advance(self, dt: float) -> None:
+        """Move the rows by `dt` [s]."""
+        if dt != self.dt:
+            self.dt = dt
+            self.write_program()
+        self.program.run()
+
+    def write_program(self) -> None:
+        """Make the program for steps of `dt`."""
+        raise NotImplementedError
+
+
 class RowProgram:
     """The columns `first` to `last` of some rows, and the calls that change them.
 

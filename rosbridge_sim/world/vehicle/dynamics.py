@@ -43,7 +43,7 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.entity_arrays import FLOATS as COLUMNS
 from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder, Value
-from rosbridge_sim.world.state.row_program import RowProgram
+from rosbridge_sim.world.state.row_program import MovedRows, RowProgram
 from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOperators
 from rosbridge_sim.world.vehicle.ground import find_friction
@@ -83,14 +83,11 @@ def _find_driven(world: World) -> IntArray:
     return is_driven.nonzero()[0]
 
 
-class _SingleTrack:
+class _SingleTrack(MovedRows):
     """The driven rows of the single track model. It lives until the next `World.touch`."""
 
     def __init__(self, world: World) -> None:
-        self.world = world
-        self.rows = _find_driven(world)
-        self.num = len(self.rows)
-        self.dt = 0.0
+        super().__init__(world, _find_driven(world))
 
     def advance(self, dt: float) -> None:
         """Move the rows by `dt` [s]."""
@@ -175,7 +172,7 @@ def _write_advance(
     return script.compile(advance(do, car, now, dt))
 
 
-class _Driven:
+class _Driven(MovedRows):
     """The driven rows of the kinematic model and the numpy calls that move them.
 
     It lives until the next `World.touch`: until an entity comes or goes, changes gear, or switches between pedals and
@@ -184,19 +181,10 @@ class _Driven:
     """
 
     def __init__(self, world: World) -> None:
-        self.world = world
-        self.rows = _find_driven(world)
-        self.num = len(self.rows)
-        self.dt = 0.0
+        super().__init__(world, _find_driven(world))
 
-    def advance(self, dt: float) -> None:
-        """Move the rows by `dt` [s]."""
-        if dt != self.dt:
-            self.dt = dt
-            self._write_program()
-        self.program.run()
-
-    def _write_program(self) -> None:
+    def write_program(self) -> None:
+        """Add the calls of a step; see the head of this file for the equations."""
         program = self.program = RowProgram(self.world, self.rows, "target", "speed", written_from="throttle")
         # In the order of `entity_arrays.FLOATS`; a count that does not fit fails here.
         self.target, self.accel_max, self.accel_min, self.throttle_max = program.values[:4]
