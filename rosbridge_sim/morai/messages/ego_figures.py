@@ -9,7 +9,7 @@ from typing import Final, Literal
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
-from rosbridge_sim.world.vehicle.tyre_readings import read_tyres
+from rosbridge_sim.world.vehicle.wheel_readings import read_wheel
 
 
 class LateralPlace(Record):
@@ -47,10 +47,10 @@ def find_lane_place(world: World, row: int, roads: Roads) -> LateralPlace:
 def tyre_figure(figure: str, axle: Literal["front", "rear"]) -> Figure:
     """Return a function that reads a figure of a tyre in MORAI's unit."""
     if figure == "tire_lateral_force":
-        return lambda world, row, _lane: read_tyres(world, row, axle).lateral_force
+        return lambda world, row, _lane: read_wheel(world, row, axle).lateral_force
     if figure == "side_slip_angle":
-        return lambda world, row, _lane: math.degrees(read_tyres(world, row, axle).slip)
-    return lambda world, row, _lane: math.radians(read_tyres(world, row, axle).cornering_stiffness)  # N/deg
+        return lambda world, row, _lane: math.degrees(read_wheel(world, row, axle).slip)
+    return lambda world, row, _lane: math.radians(read_wheel(world, row, axle).cornering_stiffness)  # N/deg
 
 
 def rear_steer_angle(world: World, row: int, _lane: LateralPlace) -> float:

@@ -25,7 +25,7 @@ from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle import dynamics
 from rosbridge_sim.world.vehicle.dynamics import drive
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
-from rosbridge_sim.world.vehicle.tyre_readings import NO_TYRES, read_tyres
+from rosbridge_sim.world.vehicle.wheel_readings import NO_READING, read_wheel
 from tests.world.driven_cars import CAR, pedals, speeds
 
 # A car that nothing slows, with an engine without a bound of power
@@ -553,16 +553,16 @@ def test_accelerations_are_those_of_the_path() -> None:
         assert abs(seen - np.mean(accels[i + 1 : i + 7])) < 0.15
 
 
-def test_tyre_readings_carry_the_car() -> None:
+def test_wheel_readings_carry_the_car() -> None:
     world = ego(FREE, speed=15.0)
     pedals(world, steer=0.04)
     speeds(world, 2.0)
-    front, rear = read_tyres(world, 0, "front"), read_tyres(world, 0, "rear")
+    front, rear = read_wheel(world, 0, "front"), read_wheel(world, 0, "rear")
     force = 2.0 * (front.lateral_force * math.cos(world.steer.item(0)) + rear.lateral_force)
     assert force == pytest.approx(CAR.mass * lateral_accel_of_the_middle(world), rel=0.01)
     assert front.slip < 0.0, "the wheels point more to the left than they go"
     assert front.lateral_force == pytest.approx(-front.cornering_stiffness * front.slip, rel=0.1)
-    assert read_tyres(World(), 0, "front") == NO_TYRES
+    assert read_wheel(World(), 0, "front") == NO_READING
 
 
 # -- equal bits

@@ -1,4 +1,4 @@
-"""Readings of one wheel of each axle of a driven row: steering, slip, sideways force and cornering stiffness.
+"""Readings of one wheel of each axle of a driven row: slip, sideways force and cornering stiffness.
 
 Both wheels of an axle have the same ones, because the model has one wheel for each axle. The kinematic model has no
 tyres: all its readings are 0. A row that is placed from outside, as in a replay, has no slip and no force.
@@ -12,7 +12,7 @@ from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import Dynamics, World
 
 
-class TyreReading(NamedTuple):
+class WheelReading(NamedTuple):
     """Reading of one wheel.
 
     Attributes:
@@ -26,10 +26,10 @@ class TyreReading(NamedTuple):
     cornering_stiffness: float
 
 
-NO_TYRES: Final = TyreReading(0.0, 0.0, 0.0)
+NO_READING: Final = WheelReading(0.0, 0.0, 0.0)
 
 
-def read_tyres(world: World, row: int, axle: Literal["front", "rear"]) -> TyreReading:
+def read_wheel(world: World, row: int, axle: Literal["front", "rear"]) -> WheelReading:
     """Return the reading of a wheel.
 
     Args:
@@ -37,7 +37,7 @@ def read_tyres(world: World, row: int, axle: Literal["front", "rear"]) -> TyreRe
         row: row of an EGO.
     """
     if world.dynamics == Dynamics.KINEMATIC:
-        return NO_TYRES
+        return NO_READING
     body = world.bodies[row]
     half = 0.5 * body.mass
     if axle == "front":
@@ -46,5 +46,5 @@ def read_tyres(world: World, row: int, axle: Literal["front", "rear"]) -> TyreRe
         load, stiffness, slip, force = 1.0 - body.front_load, body.rear_stiffness, world.rear_slip, world.rear_force
     cornering_stiffness = half * GRAVITY * load * stiffness
     if world.is_ghost.item(row):
-        return TyreReading(0.0, 0.0, cornering_stiffness)
-    return TyreReading(slip.item(row), half * force.item(row), cornering_stiffness)
+        return WheelReading(0.0, 0.0, cornering_stiffness)
+    return WheelReading(slip.item(row), half * force.item(row), cornering_stiffness)
