@@ -61,13 +61,6 @@ class ReplayEvent(IntEnum):
     EVICT = 9  # a scenario or a reset changes the world
 
 
-BAG_EVENTS: Final = frozenset({ReplayEvent.RUN_OUT})
-"""Events that happen only while a bag is replayed: the table has no row for them in the other states."""
-
-SOURCE_EVENTS: Final = frozenset({ReplayEvent.LOST})
-"""Events that happen only while a source of network replay is followed."""
-
-
 class ReplayEffect(Enum):
     """Effect of an event; carried out in the order of the row.
 

@@ -322,18 +322,3 @@ BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]
     },
 }
 """Every state and every event that can happen in it."""
-
-_OF_MEMBERS: Final = frozenset(BarrierEvent) - frozenset(BARRIER_TABLE[BarrierState.EMPTY])
-_OF_A_ROUND: Final = frozenset({BarrierEvent.ALL_TICKED, BarrierEvent.DEADLINE, BarrierEvent.NONE_TICKED})
-_OF_A_MOVE: Final = frozenset({BarrierEvent.MOVED, BarrierEvent.NOT_MOVED})
-
-IMPOSSIBLE: Final[Mapping[BarrierState, frozenset[BarrierEvent]]] = {
-    BarrierState.EMPTY: _OF_MEMBERS,
-    BarrierState.RESTING: _OF_A_ROUND | _OF_A_MOVE | {BarrierEvent.JOIN_TAKEN},
-    BarrierState.GATHERING: _OF_A_MOVE | {BarrierEvent.JOIN_TAKEN, BarrierEvent.STILL_TICKED, BarrierEvent.LAST_LEFT},
-    # A reset or a restore in MOVING meets a tick that waits; synchronous mode refuses it first (NOT_MOVED).
-    BarrierState.MOVING: _OF_A_ROUND
-    | {BarrierEvent.JOIN_TAKEN, BarrierEvent.STILL_TICKED, BarrierEvent.LAST_LEFT}
-    | {BarrierEvent.RESET, BarrierEvent.RESTORED},
-}
-"""The events that cannot happen in a state: the table has no row for them."""

@@ -85,24 +85,6 @@ class SyncEvent(IntEnum):
     LAST_DONE = 19  # no tick waits any more: the last one has been carried out, or is not wanted
 
 
-OF_A_MASTER: Final = frozenset(
-    {
-        SyncEvent.START_BY_MASTER,
-        SyncEvent.STOP_BY_MASTER,
-        SyncEvent.TICK_BY_MASTER,
-        SyncEvent.TICK_MISFIT,
-        SyncEvent.TICK_EARLY,
-        SyncEvent.LOSS_TO_RUN,
-        SyncEvent.LOSS_TO_PAUSE,
-        SyncEvent.LOSS_TO_WAIT,
-    }
-)
-"""Events that need a master: the table has no row for them in the states of `NO_MASTER`."""
-
-OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_DONE})
-"""Events that take a tick that waits: the table has rows for them in WAITING alone."""
-
-
 class SyncEffect(StrEnum):
     """Effect of an event.
 

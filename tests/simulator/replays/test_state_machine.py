@@ -5,13 +5,17 @@ from __future__ import annotations
 from itertools import product
 
 from rosbridge_sim.simulator.replays.state_machine import (
-    BAG_EVENTS,
     REPLAY_TABLE,
-    SOURCE_EVENTS,
     ReplayEffect,
     ReplayEvent,
     ReplayState,
 )
+
+BAG_EVENTS = frozenset({ReplayEvent.RUN_OUT})
+"""Events that happen only while a bag is replayed: the table has no row for them in the other states."""
+
+SOURCE_EVENTS = frozenset({ReplayEvent.LOST})
+"""Events that happen only while a source of network replay is followed."""
 
 
 def test_table_has_a_row_for_every_possible_event() -> None:

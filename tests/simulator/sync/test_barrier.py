@@ -17,7 +17,6 @@ from rosbridge_sim.simulator.sync.barrier_table import (
     BARRIER_ID,
     BARRIER_REASONS,
     BARRIER_TABLE,
-    IMPOSSIBLE,
     MAX_DEADLINE,
     MAX_MEMBERS,
     MAX_TICKS_AHEAD,
@@ -29,6 +28,21 @@ from rosbridge_sim.simulator.sync.barrier_table import (
 )
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.simulator.sync.sync_table import MAX_STEP_MS, MAX_USER_ID, SyncState
+
+_OF_MEMBERS = frozenset(BarrierEvent) - frozenset(BARRIER_TABLE[BarrierState.EMPTY])
+_OF_A_ROUND = frozenset({BarrierEvent.ALL_TICKED, BarrierEvent.DEADLINE, BarrierEvent.NONE_TICKED})
+_OF_A_MOVE = frozenset({BarrierEvent.MOVED, BarrierEvent.NOT_MOVED})
+
+IMPOSSIBLE = {
+    BarrierState.EMPTY: _OF_MEMBERS,
+    BarrierState.RESTING: _OF_A_ROUND | _OF_A_MOVE | {BarrierEvent.JOIN_TAKEN},
+    BarrierState.GATHERING: _OF_A_MOVE | {BarrierEvent.JOIN_TAKEN, BarrierEvent.STILL_TICKED, BarrierEvent.LAST_LEFT},
+    # A reset or a restore in MOVING meets a tick that waits; synchronous mode refuses it first (NOT_MOVED).
+    BarrierState.MOVING: _OF_A_ROUND
+    | {BarrierEvent.JOIN_TAKEN, BarrierEvent.STILL_TICKED, BarrierEvent.LAST_LEFT}
+    | {BarrierEvent.RESET, BarrierEvent.RESTORED},
+}
+"""The events that cannot happen in a state: the table has no row for them."""
 
 
 class Model:

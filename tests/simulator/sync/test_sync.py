@@ -17,14 +17,30 @@ from rosbridge_sim.simulator.sync.sync_table import (
     MAX_USER_ID,
     MAX_WAITING_COMMANDS,
     NO_MASTER,
-    OF_A_MASTER,
-    OF_WAITING,
     SYNC_TABLE,
     SyncEffect,
     SyncEvent,
     SyncOutcome,
     SyncState,
 )
+
+OF_A_MASTER = frozenset(
+    {
+        SyncEvent.START_BY_MASTER,
+        SyncEvent.STOP_BY_MASTER,
+        SyncEvent.TICK_BY_MASTER,
+        SyncEvent.TICK_MISFIT,
+        SyncEvent.TICK_EARLY,
+        SyncEvent.LOSS_TO_RUN,
+        SyncEvent.LOSS_TO_PAUSE,
+        SyncEvent.LOSS_TO_WAIT,
+    }
+)
+"""Events that need a master: the table has no row for them in the states of `NO_MASTER`."""
+
+OF_WAITING = frozenset({SyncEvent.TURN, SyncEvent.LAST_DONE})
+"""Events that take a tick that waits: the table has rows for them in WAITING alone."""
+
 
 ME, YOU = "me", "you"  # peers; any hashable will do
 FRAME = 100  # the world's, wherever it does not matter
