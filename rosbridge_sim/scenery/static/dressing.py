@@ -13,13 +13,9 @@ import numpy as np
 
 from rosbridge_sim.scenery.lines import across, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label, Lit
-from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.solids import box, column, join, prism
-from rosbridge_sim.scenery.static.loose_paint import LoosePaint
-from rosbridge_sim.scenery.static.road_cover import RoadCover
-from rosbridge_sim.scenery.static.road_edges import NARROW
+from rosbridge_sim.scenery.static.road_edges import NARROW, RoadSite
 from rosbridge_sim.scenery.static.road_surface import SHOULDER
-from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -56,17 +52,7 @@ POST: Final[Colour] = (206, 204, 198)
 GLOW: Final[Colour] = (250, 244, 220)
 
 
-def add_dressing(
-    builder: MeshBuilder,
-    roads: Roads,
-    cover: RoadCover,
-    paint: LoosePaint,
-    terrain: Terrain,
-    *,
-    name: str,
-    seed: int,
-    is_town: bool,
-) -> None:
+def add_dressing(site: RoadSite, *, name: str, seed: int, is_town: bool) -> None:
     """Add what stands beside the roads.
 
     Args:
@@ -75,10 +61,10 @@ def add_dressing(
     digest = blake2b(f"{name} {seed}".encode(), digest_size=8).digest()
     rng = np.random.default_rng(int.from_bytes(digest))
     free = PAVEMENT if is_town else CLEARANCE
-    houses = _add_buildings(builder, roads, cover, terrain, rng=rng, free=free, share=0.8 if is_town else 0.06)
+    houses = _add_buildings(site, rng=rng, free=free, share=0.8 if is_town else 0.06)
     share = 0.34 if is_town else 0.5
-    _add_trees(builder, roads, cover, terrain, rng=rng, free=free, houses=houses, share=share)
-    _add_roadside(builder, roads, cover, paint, terrain, is_town=is_town)
+    _add_trees(site, rng=rng, free=free, houses=houses, share=share)
+    _add_roadside(site, is_town=is_town)
 
 
 def _cells(roads: Roads, cell: float, rng: np.random.Generator) -> FloatArray:
@@ -93,17 +79,9 @@ def _cells(roads: Roads, cell: float, rng: np.random.Generator) -> FloatArray:
     return np.asarray(low + cell * place)
 
 
-def _add_buildings(
-    builder: MeshBuilder,
-    roads: Roads,
-    cover: RoadCover,
-    terrain: Terrain,
-    *,
-    rng: np.random.Generator,
-    free: float,
-    share: float,
-) -> FloatArray:
+def _add_buildings(site: RoadSite, *, rng: np.random.Generator, free: float, share: float) -> FloatArray:
     """Add buildings and return their places and radii, (n, 3) [m]."""
+    builder, roads, cover, _, terrain = site
     place = _cells(roads, 3.0 * GRID, rng)
     num = len(place)
     half = rng.uniform((6.0, 5.0), (12.0, 9.0), (num, 2))
@@ -140,18 +118,9 @@ def _far_apart(place: FloatArray, radius: FloatArray) -> list[int]:
     return kept
 
 
-def _add_trees(
-    builder: MeshBuilder,
-    roads: Roads,
-    cover: RoadCover,
-    terrain: Terrain,
-    *,
-    rng: np.random.Generator,
-    free: float,
-    houses: FloatArray,
-    share: float,
-) -> None:
+def _add_trees(site: RoadSite, *, rng: np.random.Generator, free: float, houses: FloatArray, share: float) -> None:
     """Add trees: many near roads, few far away, none in the buildings (n, 3)."""
+    builder, roads, cover, _, terrain = site
     place = _cells(roads, GRID, rng)
     num = len(place)
     size = rng.uniform(0.75, 1.35, num)
@@ -213,10 +182,9 @@ def _fir(radius: float, low: float, high: float) -> tuple[FloatArray, np.ndarray
     )
 
 
-def _add_roadside(
-    builder: MeshBuilder, roads: Roads, cover: RoadCover, paint: LoosePaint, terrain: Terrain, *, is_town: bool
-) -> None:
+def _add_roadside(site: RoadSite, *, is_town: bool) -> None:
     """Add street lamps in towns, and posts elsewhere, where an edge of a lane has nothing beside it."""
+    builder, roads, cover, paint, terrain = site
     out = 1.1 if is_town else CLEARANCE
     spots, ways = [], []
     for lane in range(len(roads)):

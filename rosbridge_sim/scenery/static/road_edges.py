@@ -72,20 +72,31 @@ SLABS: Final[Colour] = (150, 146, 140)
 VERGE: Final[Colour] = (99, 112, 86)
 
 
-def add_edges(
-    builder: MeshBuilder,
-    roads: Roads,
-    cover: RoadCover,
-    paint: LoosePaint,
-    terrain: Terrain,
-    *,
-    has_pavement: bool,
-) -> None:
+class RoadSite(NamedTuple):
+    """What is built beside roads, and where.
+
+    Attributes:
+        builder: takes the meshes.
+        roads: of the map.
+        cover: of their lanes.
+        paint: beside the lanes.
+        terrain: the ground.
+    """
+
+    builder: MeshBuilder
+    roads: Roads
+    cover: RoadCover
+    paint: LoosePaint
+    terrain: Terrain
+
+
+def add_edges(site: RoadSite, *, has_pavement: bool) -> None:
     """Add what lies at the sides of the roads.
 
     Args:
-        terrain: the ground, to which the edges lead down.
+        has_pavement: people walk here.
     """
+    builder, roads, cover, paint, terrain = site
     edges = [edge for lane in range(len(roads)) for edge in _edges_of(roads, lane)]
     nums = [len(edge.points) for edge in edges]
     narrow = np.where(_are_turns(roads), NARROW_IN_CROSSINGS, NARROW).repeat(2).repeat(nums)

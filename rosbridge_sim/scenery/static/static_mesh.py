@@ -11,7 +11,7 @@ from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.static.dressing import add_dressing
 from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
-from rosbridge_sim.scenery.static.road_edges import add_edges
+from rosbridge_sim.scenery.static.road_edges import RoadSite, add_edges
 from rosbridge_sim.scenery.static.road_paint import add_paint
 from rosbridge_sim.scenery.static.road_signs import add_markings, add_signs
 from rosbridge_sim.scenery.static.road_surface import add_asphalt
@@ -40,13 +40,14 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
     add_asphalt(builder, roads)
     paint = LoosePaint(road_map, cover)
     paint.add_asphalt(builder)
-    add_edges(builder, roads, cover, paint, terrain, has_pavement=has_people)
+    site = RoadSite(builder, roads, cover, paint, terrain)
+    add_edges(site, has_pavement=has_people)
     add_paint(builder, road_map, cover)
     add_markings(builder, road_map.markings)
     add_lights(builder, _lights(road_map), cover, terrain)
     add_signs(builder, road_map.signs, cover, terrain)
     if is_dressed:
-        add_dressing(builder, roads, cover, paint, terrain, name=name, seed=seed, is_town=has_people)
+        add_dressing(site, name=name, seed=seed, is_town=has_people)
     return builder.finish()
 
 

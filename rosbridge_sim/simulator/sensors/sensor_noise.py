@@ -271,22 +271,12 @@ class NoiseSource:
     def feel(self, exact: Inertia) -> Inertia:
         """Return a reading of the inertial unit with its errors."""
         imu = self.noise.imu
-        x, y, z = exact.angular_velocity
-        ahead, left, up = exact.acceleration
         lean = [self._error(axis, imu.roll_pitch) for axis in ("roll", "pitch")]
         axes = chain(exact.orientation, quaternion(lean[0], lean[1], 0.0))
         return Inertia(
             chain(_turned(self._error("yaw", imu.yaw)), axes),
-            (
-                x + self._error("rate x", imu.angular_velocity),
-                y + self._error("rate y", imu.angular_velocity),
-                z + self._error("rate z", imu.angular_velocity),
-            ),
-            (
-                ahead + self._error("accel x", imu.acceleration),
-                left + self._error("accel y", imu.acceleration),
-                up + self._error("accel z", imu.acceleration),
-            ),
+            self._shift("rate", exact.angular_velocity, imu.angular_velocity),
+            self._shift("accel", exact.acceleration, imu.acceleration),
         )
 
     def is_imu_lost(self) -> bool:
@@ -306,6 +296,11 @@ class NoiseSource:
         """Return random numbers for a sensor in this frame."""
         seed = blake2b(f"array {name} {self._frame}".encode(), digest_size=16, key=self._key).digest()
         return np.random.default_rng(int.from_bytes(seed))
+
+    def _shift(self, what: str, exact: Vector, noise: AxisNoise) -> Vector:
+        """Return a vector with the errors of its axes."""
+        x, y, z = (value + self._error(f"{what} {axis}", noise) for axis, value in zip("xyz", exact, strict=True))
+        return x, y, z
 
     def _error(self, axis: str, noise: AxisNoise) -> float:
         error = 0.0
