@@ -7,10 +7,11 @@ ordinary way; so do tests of the start and the end of a process. Nor is its memo
 types, the maps of the scenes that most tests open with, with what was computed of their roads, and the files of the
 page are there, too (`tests/kept_work.py`): they never change.
 
-The process of the first fork is started when it is wanted, one for each process of tests, and ends with it:
-`python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and four file
-descriptors: stdin, stdout and stderr of the program, and a pipe for its process id and later its exit code. A fifth one
-is for the program itself, which finds it as `CHANNEL`.
+The process of the first fork is started when it is wanted, one for each process of tests, and ends with it. If there
+are several processes of tests, theirs are forked of one more. It is `python -m tests.fork_server FD`, where FD is a
+socket. A request is the length of a text, the text, and four file descriptors: stdin, stdout and stderr of the program,
+and a pipe for its process id and later its exit code. A fifth one is for the program itself, which finds it as
+`CHANNEL`.
 """
 
 from __future__ import annotations
@@ -30,13 +31,12 @@ import time
 import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import IO, NamedTuple, NoReturn, Self
 
-__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "popen", "run", "start"]
+__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "pids", "popen", "run", "start", "use"]
 
 _ROOT = Path(__file__).parent.parent
 
@@ -211,19 +211,30 @@ def run(
 
 
 class ForkServer:
-    """The process of which programs are forked, as the tests know it. When it is closed, they are killed."""
+    """The process of which programs are forked, as the tests know it. When it is closed, they are killed.
 
-    def __init__(self) -> None:
+    Args:
+        origin: one of which this one is forked, so that it imports nothing.
+    """
+
+    def __init__(self, origin: ForkServer | None = None) -> None:
         self._control, theirs = socket.socketpair()
+        self._process: subprocess.Popen[bytes] | ForkedProgram
         with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", "tests.fork_server", str(theirs.fileno())],
-                cwd=_ROOT,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                pass_fds=[theirs.fileno()],
-            )
+            if origin is None:
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", "tests.fork_server", str(theirs.fileno())],
+                    cwd=_ROOT,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    pass_fds=[theirs.fileno()],
+                )
+            else:
+                command = ["-m", "tests.fork_server", str(CHANNEL)]
+                out, channel = subprocess.DEVNULL, theirs.fileno()
+                self._process = origin.start(command, env=os.environ, stderr=2, stdout=out, channel=channel)
         self._lock = threading.Lock()
+        self.pid = self._process.pid
         atexit.register(self.close)
 
     def start(
@@ -272,10 +283,29 @@ class ForkServer:
         self._control.close()
         self._process.wait()
 
+    def let_go(self) -> None:
+        """Leave it to another process of tests, which has a copy of this object."""
+        atexit.unregister(self.close)
+        self._control.close()
 
-@cache
+
+_servers: list[ForkServer] = []
+
+
+def use(server: ForkServer) -> None:
+    """Have `start` and the others fork programs of this one."""
+    _servers[:] = [server]
+
+
+def pids() -> list[int]:
+    """Processes of which programs of this process of tests are forked."""
+    return [server.pid for server in _servers]
+
+
 def _server() -> ForkServer:
-    return ForkServer()
+    if not _servers:
+        use(ForkServer())
+    return _servers[0]
 
 
 def _read_number(status: int) -> int:
@@ -308,11 +338,12 @@ class _Request(NamedTuple):
 
 
 def _main() -> None:
-    for name in _MODULES:
-        import_module(name)
-    import_module("tests.kept_work").keep_work()
-    gc.collect()
-    gc.freeze()  # a collection in a program would copy the pages of all that it shares
+    if "tests.kept_work" not in sys.modules:  # else it was forked of one that has done all this
+        for name in _MODULES:
+            import_module(name)
+        import_module("tests.kept_work").keep_work()
+        gc.collect()
+        gc.freeze()  # a collection in a program would copy the pages of all that it shares
     with socket.socket(fileno=int(sys.argv[1])) as control:
         request = _serve(control)
     if request is not None:

@@ -23,6 +23,8 @@ from typing import Any, cast
 import pytest
 from _pytest.runner import CallInfo
 
+from tests import fork_server
+
 __all__ = ["APART", "TOGETHER", "WORKER", "ForkedWorkers", "cpu_time"]
 
 _WITH_WEBGL = ("drawn", "map", "sensors", "views")
@@ -43,6 +45,9 @@ APART = {
     "tests/world/many_worlds/test_batch.py",
 }
 """Files whose long tests share nothing, and take up to minutes: together they would keep one process busy alone."""
+
+MANY_GROUPS = 30
+"""From so many files on, some start programs, and it saves time to import the package once for those of all forks."""
 
 WORKER = "TEST_WORKER"
 """Environment variable: the number of this process among those that run tests."""
@@ -75,6 +80,7 @@ class ForkedWorkers:
     def __init__(self, num_workers: int, num_listed: int) -> None:
         self._num_workers, self._num_listed = num_workers, num_listed
         self._num_forked = 0
+        self._origin: fork_server.ForkServer | None = None
         self._workers: dict[Connection, _Worker] = {}
         self._groups: list[list[int]] = []
         self._costs: dict[str, tuple[float, float]] = defaultdict(lambda: (0.0, 0.0))
@@ -89,23 +95,30 @@ class ForkedWorkers:
             reporter.showfspath = False  # tests of several files end in turns
         is_long = session.config.getoption("long", default=False)
         self._groups = _groups_of(session.items, apart=APART if is_long else set())
+        if len(self._groups) > MANY_GROUPS:
+            self._origin = fork_server.ForkServer()
         try:
-            for _ in range(min(self._num_workers, len(self._groups))):
-                self._fork(session)
-            while self._workers:
-                for connection in wait(list(self._workers)):
-                    self._hear(session, cast("Connection", connection))
-                    if session.shouldfail:
-                        raise session.Failed(session.shouldfail)
-                    if session.shouldstop:
-                        raise session.Interrupted(session.shouldstop)
+            self._run(session)
         finally:
             for connection, worker in self._workers.items():
                 os.kill(worker.process.pid or 0, signal.SIGINT)  # as Ctrl-C does: what it has started is stopped
                 connection.close()
             for worker in self._workers.values():
                 worker.process.join()
+            if self._origin is not None:
+                self._origin.close()
         return True
+
+    def _run(self, session: pytest.Session) -> None:
+        for _ in range(min(self._num_workers, len(self._groups))):
+            self._fork(session)
+        while self._workers:
+            for connection in wait(list(self._workers)):
+                self._hear(session, cast("Connection", connection))
+                if session.shouldfail:
+                    raise session.Failed(session.shouldfail)
+                if session.shouldstop:
+                    raise session.Interrupted(session.shouldstop)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """List the files that took longest."""
@@ -118,11 +131,13 @@ class ForkedWorkers:
 
     def _fork(self, session: pytest.Session) -> None:
         ours, theirs = _CONTEXT.Pipe()
-        process = _CONTEXT.Process(
-            target=_work, args=(session, theirs, [ours, *self._workers], self._num_forked % self._num_workers)
-        )
+        number = self._num_forked % self._num_workers
+        server = None if self._origin is None else fork_server.ForkServer(self._origin)
+        process = _CONTEXT.Process(target=_work, args=(session, theirs, [ours, *self._workers], number, server))
         process.start()
         theirs.close()
+        if server is not None:
+            server.let_go()
         self._num_forked += 1
         self._workers[ours] = _Worker(process)
 
@@ -187,10 +202,18 @@ def _file_of(item: pytest.Item) -> str:
 # The side of a fork
 
 
-def _work(session: pytest.Session, connection: Connection, others: Iterable[Connection], number: int) -> None:
+def _work(
+    session: pytest.Session,
+    connection: Connection,
+    others: Iterable[Connection],
+    number: int,
+    server: fork_server.ForkServer | None,
+) -> None:
     """Run the tests that the first process sends, until it sends none."""
     for other in others:
         other.close()
+    if server is not None:
+        fork_server.use(server)
     config = session.config
     os.environ[WORKER] = str(number)
     _have_own_files(config, number)
@@ -258,9 +281,12 @@ def cpu_time() -> float:
     """CPU time of this process, and of all programs that it has started and that those have started [s]."""
     if not Path("/proc/self/stat").exists():
         return sum(os.times()[:4])
-    ticks, waiting, seen = 0, [os.getpid()], set()
+    ticks, waiting = 0, [os.getpid(), *fork_server.pids()]
+    seen: set[int] = set()
     while waiting:
         pid = waiting.pop()
+        if pid in seen:
+            continue
         seen.add(pid)
         try:
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()

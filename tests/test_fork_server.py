@@ -67,6 +67,16 @@ def test_programs_end_with_the_tests_that_started_them(tmp_path: Path) -> None:
         assert program.stdout.read() == ""  # its end closes the pipe
 
 
+def test_server_forked_of_another_ends_alone(tmp_path: Path) -> None:
+    with (tmp_path / "log").open("wb") as stderr:
+        origin = fork_server.ForkServer()
+        own = fork_server.ForkServer(origin)
+        for server in (own, origin):
+            with server.start(["-c", "print('here')"], env=os.environ, stderr=stderr.fileno()) as program:
+                assert read_line(program) == "here\n"
+            server.close()
+
+
 def test_program_keeps_no_descriptor_of_another(tmp_path: Path) -> None:
     with (tmp_path / "log").open("wb") as stderr:
         words = ("serve", "--port", "0", "--no-world")
