@@ -22,7 +22,7 @@ from tests.support import Client, ServerProcess, require_tool
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
 # How long an example takes is the machine's, not the code's. `--long` tries more of them.
-hypothesis.settings.register_profile("ours", deadline=None, max_examples=25)
+hypothesis.settings.register_profile("ours", deadline=None, max_examples=10)
 hypothesis.settings.register_profile("long", deadline=None, max_examples=200)
 hypothesis.settings.load_profile("ours")
 
