@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tests.support import ROOT, ServerProcess, miss
+from tests.support import ROOT, ServerProcess, miss, require_tool
 
 RCLPY = ROOT / ".venv" / "rclpy" / "bin" / "python"
 DOMAIN = "231"
@@ -124,6 +124,34 @@ def test_actions_and_parameters_pass_in_both_directions(tmp_path: Path) -> None:
     assert told["has cancelled the goal of a client that left"]
     assert told["node to web"] == [[[0, 1, 1], 4], [True, 5], False]
     assert told["parameters"] == PARAMETERS
+    program.stop_cleanly()
+
+
+def test_no_packet_leaves_the_machine_though_it_has_another_interface() -> None:
+    require_rclpy()
+    script = ROOT / "tests" / "end_to_end" / "loopback_of_ros2.py"
+    words = ["unshare", "-n", str(RCLPY), str(script)]
+    told = json.loads(run_in_network(words))
+    assert told["localhost"] == [0, 0]
+    assert min(told["multicast"]) > 0, "the other choice leaves by it, so packets are counted"
+
+
+def run_in_network(words: list[str]) -> str:
+    require_tool("unshare")
+    if os.geteuid() != 0:
+        miss("needs the right to make a network namespace")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_node_drives_in_lock_step_through_rclpy(tmp_path: Path) -> None:
+    options = ("--ros2-wait-for-command", "--ros2-command-deadline=10", "--real-time-factor=0")
+    program = rclpy_server(tmp_path, *options)
+    script = ROOT / "tests" / "end_to_end" / "lock_step_of_ros2.py"
+    told = json.loads(run_node(script, EXAMPLES / "course.txt", seconds=300))
+    assert told["error"] <= 0.3
+    assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"
     program.stop_cleanly()
 
 
