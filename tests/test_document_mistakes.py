@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from functools import cache
-from typing import Any
+from typing import Any, Literal, get_args, get_origin
 
 import pytest
 from hypothesis import given
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.campaigns import campaign_model
 from rosbridge_sim.document_mistakes import MAX_WRONG_OBJECTS, judge_document
 from rosbridge_sim.document_reading import _document_reader, find_mistakes
-from rosbridge_sim.documents import DocumentType, Place, Table
+from rosbridge_sim.documents import Document, DocumentType, Place, Table, fields_of, split_marks
 from rosbridge_sim.maps import mgeo, mgeo_lights, mgeo_links, mgeo_markings
 from rosbridge_sim.scenarios import scenario_model
 from rosbridge_sim.shell.files import catalogue_file
@@ -37,6 +38,7 @@ ODD += [
     {},
     {"x": 1},
     {"_z": "2"},
+    {"\n": "lanes"},
 ]
 
 
@@ -127,6 +129,36 @@ def test_both_ways_to_read_a_document_agree(data: st.DataObject) -> None:
         assert all(mistake.text.isprintable() for mistake in told)
         return
     assert repr(judge_document(kind, value, where)) == repr((read, []))
+
+
+def forms_in(form: Any) -> Iterator[Any]:  # noqa: ANN401 - type forms
+    """The types of all fields of a document, at any depth, with their marks."""
+    yield form
+    base = split_marks(form)[0]
+    inner = fields_of(base).values() if isinstance(base, type) and issubclass(base, Document) else get_args(base)
+    if get_origin(base) is not Literal:
+        for each in inner:
+            yield from forms_in(each)
+
+
+def test_both_ways_to_read_each_field_agree_on_odd_values_and_beside_its_bounds() -> None:
+    forms = {
+        repr(form): form for kind, _ in documents() for form in forms_in(kind.form) if form not in {type(None), ...}
+    }
+    for form in forms.values():
+        mark = split_marks(form)[1]
+        bounds = [bound + step for bound in (mark.ge, mark.gt, mark.le) if bound is not None for step in (-1, 0, 1)]
+        lengths = [
+            num + step for num in (mark.min_length, mark.max_length) if num and num < 2_000 for step in (-1, 0, 1)
+        ]
+        longs = [each for num in lengths for each in ("x" * num, ["x"] * num, {str(i): "x" for i in range(num)})]
+        kind = DocumentType[Any](form)
+        for odd in [*ODD, *bounds, *longs]:
+            try:
+                read = _document_reader(kind)(odd)
+            except ValueError:
+                continue
+            assert repr(judge_document(kind, odd, where)) == repr((read, [])), (form, odd)
 
 
 class Item(Table, frozen=True, kw_only=True):

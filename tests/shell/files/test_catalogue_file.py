@@ -153,7 +153,10 @@ def test_csv_error_names_line_and_field(row: str, message: str, tmp_path: Path) 
         ("[[model]]\nname = 7\nclass = 'car'", "m.toml:2: name: expected a name of at most 100 characters, got 7"),
         ("[[model]]\nDataID = true", "m.toml:2: DataID: expected a number such as 30200005, got true"),
         ("[[model]]\nDataID = [1, {}]", "m.toml:2: DataID: expected a number such as 30200005, got an object"),
-        ("[[model]]\nDataID = [0]", "m.toml:2: DataID: expected a number such as 30200005, got 0"),
+        (
+            "[[model]]\nDataID = [0]\nname = 'A'\nclass = 'car'\nlength = 4\nwidth = 2\nheight = 1",
+            "m.toml:2: DataID: expected a number such as 30200005, got 0",
+        ),
         ("model = [{name = 'A'}, 5]", "m.toml: model 2: expected a table, got 5"),
         ("model = 5", "m.toml: model: expected [[model]], with two brackets, for each model"),
         ("[model]\nname = 'A'", "m.toml: model: expected [[model]], with two brackets, for each model"),
