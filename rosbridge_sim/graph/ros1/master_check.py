@@ -95,7 +95,7 @@ def _check_publishers(seen: SeenMaster, view: MasterView) -> Sequence[Finding]:
         first = Finding("clock", is_good=True, text=f"nodes use {kind}")
     services = [one.name for one, nodes in view.nodes.items() if one.kind == "Service" and seen.server in nodes]
     topics = [name for name, nodes in published.items() if seen.server in nodes]
-    other = [one for one in topics if view.nodes.get(Registration("Subscriber", one))]
+    other = [one for one in topics if set(view.nodes.get(Registration("Subscriber", one), ())) - {seen.server}]
     text = (
         f"{len(topics)} topics and {len(services)} services of the server; subscribed to: {name_some(other) or 'none'}"
     )

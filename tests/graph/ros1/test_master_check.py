@@ -14,6 +14,7 @@ VIEW = MasterView(
         Registration("Publisher", "/imu"): [SERVER],
         Registration("Publisher", "/clock"): [SERVER],
         Registration("Subscriber", "/imu"): ["/planner"],
+        Registration("Subscriber", "/clock"): [SERVER],
         Registration("Service", "/sim/reset"): [SERVER],
     },
     {"/imu": "sensor_msgs/Imu", "/clock": "rosgraph_msgs/Clock"},
