@@ -281,17 +281,15 @@ def cpu_time() -> float:
     """CPU time of this process, and of all programs that it has started and that those have started [s]."""
     if not Path("/proc/self/stat").exists():
         return sum(os.times()[:4])
-    ticks, waiting = 0, [os.getpid(), *fork_server.pids()]
-    seen: set[int] = set()
+    ticks, waiting = 0, [(pid, 0) for pid in (os.getpid(), *fork_server.pids())]
     while waiting:
-        pid = waiting.pop()
-        if pid in seen:
-            continue
-        seen.add(pid)
+        pid, parent = waiting.pop()
         try:
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+            if parent not in {0, int(fields[1])}:
+                continue  # the child has ended, and another process has its number
             for task in Path(f"/proc/{pid}/task").iterdir():
-                waiting += [int(child) for child in (task / "children").read_text().split()]
+                waiting += [(int(child), pid) for child in (task / "children").read_text().split()]
         except OSError:
             continue  # it has ended meanwhile
         ticks += sum(map(int, fields[11:15]))
