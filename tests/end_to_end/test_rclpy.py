@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,10 +27,16 @@ def require_rclpy() -> None:
         miss("needs rclpy in .venv/rclpy (./scripts/test --long installs it on x86-64)")
 
 
-def rclpy_server(tmp_path: Path, *options: str) -> ServerProcess:
+@contextmanager
+def rclpy_server(tmp_path: Path, *options: str) -> Iterator[ServerProcess]:
     """A server in the domain, as a node through rclpy."""
     require_rclpy()
-    return ServerProcess(tmp_path / "log", ["--ros2-domain", DOMAIN, *options], python=RCLPY)
+    program = ServerProcess(tmp_path / "log", ["--ros2-domain", DOMAIN, *options], python=RCLPY)
+    try:
+        yield program
+        program.stop_cleanly()
+    finally:
+        program.kill()
 
 
 @pytest.fixture
@@ -104,8 +111,8 @@ def test_a_node_drives_in_lock_step_and_sees_every_frame(server: ServerProcess) 
 
 
 def test_services_pass_in_both_directions(tmp_path: Path) -> None:
-    program = rclpy_server(tmp_path, "--no-world")
-    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "services_of_ros2.py", program.url, seconds=300))
+    with rclpy_server(tmp_path, "--no-world") as program:
+        told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "services_of_ros2.py", program.url, seconds=300))
     assert told["wrong"] == {"web to node": 0, "node to web": 0}, "of 1,000 calls each, types without --schema-path"
     assert told["at once"] == {"web to node": 20, "node to web": 20}
     assert told["unknown"] == "Service /nobody does not exist"
@@ -113,18 +120,16 @@ def test_services_pass_in_both_directions(tmp_path: Path) -> None:
     assert told["hanging"] == "Timeout exceeded while waiting for service response"
     assert told["failed"] == [False, "Service /web_fails failed; its provider gave no reason"]
     assert told["cbor"] == "over CBOR"
-    program.stop_cleanly()
 
 
 def test_actions_and_parameters_pass_in_both_directions(tmp_path: Path) -> None:
-    program = rclpy_server(tmp_path, "--no-world", "--max-calls", "2", "--deny-param", "*:secret")
-    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "actions_of_ros2.py", program.url, seconds=200))
+    with rclpy_server(tmp_path, "--no-world", "--max-calls", "2", "--deny-param", "*:secret") as program:
+        told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "actions_of_ros2.py", program.url, seconds=200))
     assert told["listed"] == ["test_msgs/Fibonacci", True]
     assert told["web to node"] == [[[0, 1, 1, 2, 3, 5], True, 4], "the goal was rejected by its node", 5]
     assert told["has cancelled the goal of a client that left"]
     assert told["node to web"] == [[[0, 1, 1], 4], [True, 5], False]
     assert told["parameters"] == PARAMETERS
-    program.stop_cleanly()
 
 
 def test_no_packet_leaves_the_machine_though_it_has_another_interface() -> None:
@@ -147,12 +152,11 @@ def run_in_network(words: list[str]) -> str:
 
 def test_a_node_drives_in_lock_step_through_rclpy(tmp_path: Path) -> None:
     options = ("--ros2-wait-for-command", "--ros2-command-deadline=10", "--real-time-factor=0")
-    program = rclpy_server(tmp_path, *options)
     script = ROOT / "tests" / "end_to_end" / "lock_step_of_ros2.py"
-    told = json.loads(run_node(script, EXAMPLES / "course.txt", seconds=300))
+    with rclpy_server(tmp_path, *options):
+        told = json.loads(run_node(script, EXAMPLES / "course.txt", seconds=300))
     assert told["error"] <= 0.3
     assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"
-    program.stop_cleanly()
 
 
 PARAMETERS: dict[str, object] = {
