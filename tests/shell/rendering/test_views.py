@@ -62,8 +62,8 @@ def test_entities_are_in_view_as_far_as_they_reach() -> None:
     places = [(20.0, 0.0), (-20.0, 0.0), (20.0, 19.0), (20.0, 40.0), (20.0, -40.0), (2.0, 4.0)]
     for x, y in places:
         world.spawn(Kind.VEHICLE, Body(), name="car", x=x + 100.0, y=y)
-    origin = np.array([100.0, 0.0, 0.0])
-    view, _ = _matrices(CAMERA, rotation(0.0, 0.0, 0.0), np.zeros(3))
+    origin, eye = np.array([130.0, 0.0, 0.0]), np.array([-30.0, 0.0, 0.0])
+    view, _ = _matrices(CAMERA, rotation(0.0, 0.0, 0.0), eye)
     assert _is_in_view(take_frame(world), origin, view).tolist() == [True, False, True, False, False, True]
 
 
