@@ -2,7 +2,8 @@
 
 Bytes that are no snapshot at all are refused by `plain/snapshot_bytes.py`, values of a wrong type by `typed_plain.py`
 beside it. What is here is asked in this order: may the client, does the head fit this simulator, do the parts of the
-state fit each other and the map.
+state fit each other and the map. Later, `node_state.py` tries the state out, `snapshots.py` compares the maps, and
+`world/saved_world.py` checks each figure of the world.
 """
 
 from __future__ import annotations
