@@ -18,6 +18,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from rosbridge_sim import DocumentError, Simulator, serving
 from rosbridge_sim.graph.attach import announcing, rosapi_watch, survey
+from rosbridge_sim.records import replace
 from rosbridge_sim.shell import attach
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.attach import is_own_address
@@ -160,7 +161,8 @@ async def test_messages_after_a_load_are_not_read_before_it_ends(connect: Connec
     async with gateway() as bridge, attached(bridge.url) as sim:
         assert sim.node is not None
         loads = next(each for each in sim.node.components if isinstance(each, Loads))
-        reader = loads._reader = ManualReader()
+        reader = ManualReader()
+        loads._context = replace(loads._context, reader=reader)
         (line,) = sim.attachments[0].mirror.connections.values()
         client = await connect(bridge.url)
         await lead(client)
