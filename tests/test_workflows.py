@@ -129,6 +129,7 @@ def test_hooks_before_a_commit_run_what_ci_runs_and_fetch_nothing() -> None:
     (repo,) = load(ROOT / ".pre-commit-config.yaml")["repos"]
     assert repo["repo"] == "local"
     commands = {" ".join(shlex.split(hook["entry"])).removesuffix(" --force-exclude") for hook in repo["hooks"]}
-    ci = set(re.findall(r"^check (.+)$", (ROOT / ".ci" / "run").read_text(), re.MULTILINE))
+    script = (ROOT / ".ci" / "run").read_text()
+    ci = set(re.findall(r"^(?:check|start_beside) ([^#\n]+?) *(?:#.*)?$", script, re.MULTILINE))
     assert commands == ci
     assert {hook["language"] for hook in repo["hooks"]} == {"system"}

@@ -9,7 +9,6 @@ from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed
-from websockets.typing import Subprotocol
 
 from rosbridge_sim.link.library_log import quiet
 
@@ -67,7 +66,7 @@ class PlainClient:
         Raises:
             OSError, ValueError, WebSocketException: there is no connection; see `why_not`.
         """
-        more: dict[str, Any] = {"subprotocols": [Subprotocol(name) for name in subprotocols]} if subprotocols else {}
+        more: dict[str, Any] = {"subprotocols": list(subprotocols)} if subprotocols else {}
         connection = await connect(
             url,
             additional_headers={"Authorization": f"Bearer {token}"} if token else {},

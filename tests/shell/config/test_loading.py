@@ -103,6 +103,8 @@ OTHER: dict[str, object] = {
     "ros1_host": "0.0.0.0",  # noqa: S104 - nothing listens
     "ros1_without_token": True,
     "ros2_domain": 7,
+    "ros2_through": "rclpy",
+    "ros2_services": ("/SyncMode*", "/sim/*"),
     "ros2_distro": "humble",
     "ros2_namespace": "/sim1",
     "ros2_topics": ("/tf*", "/imu"),
