@@ -10,9 +10,9 @@ from itertools import pairwise
 from statistics import median
 from typing import Final
 
-from websockets.exceptions import ConnectionClosed, WebSocketException
+from websockets.exceptions import ConnectionClosed
 
-from rosbridge_sim.cli.tools.examined_server import ExaminedServer
+from rosbridge_sim.cli.tools.examined_server import NO_CONNECTION, ExaminedServer
 from rosbridge_sim.doctor.check import Check
 from rosbridge_sim.doctor.examination import CheckResult, Verdict
 from rosbridge_sim.link.plain_client import PlainClient
@@ -41,7 +41,7 @@ async def _with_offer(server: ExaminedServer, topic: str, **offer: object) -> st
     """Return what is wrong with a connection that offers something; empty if nothing is."""
     try:
         client = await PlainClient.open(server.url, token=server.token, patience=server.patience, **offer)  # type: ignore[arg-type] # one of its offers
-    except (OSError, ValueError, WebSocketException) as error:
+    except NO_CONNECTION as error:
         return f"no connection: {error}"
     try:
         return "" if await _works(client, server, topic) else "a publish did not come back"
@@ -54,7 +54,7 @@ async def _query(server: ExaminedServer, topic: str) -> str:
     url = server.url if server.url.count("/") > 2 or sign == "&" else f"{server.url}/"  # noqa: PLR2004 - those of the scheme
     try:
         client = await PlainClient.open(f"{url}{sign}doctor=1", token=server.token, patience=server.patience)
-    except (OSError, ValueError, WebSocketException) as error:
+    except NO_CONNECTION as error:
         return f"no connection: {error}"
     try:
         return "" if await _works(client, server, topic) else "a publish did not come back"
@@ -105,7 +105,7 @@ async def _many(server: ExaminedServer, topic: str) -> str:
 async def _needs_token(server: ExaminedServer, _topic: str) -> str:
     try:
         client = await PlainClient.open(server.url, patience=server.patience)
-    except (OSError, ValueError, WebSocketException):
+    except NO_CONNECTION:
         return ""
     try:
         await client.send(json.dumps({"op": "call_service", "id": "x", "service": "/rosapi/get_time"}))

@@ -17,17 +17,14 @@ from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
 
-from websockets.exceptions import WebSocketException
-
 from rosbridge_sim.cli.tools import connection_checks
-from rosbridge_sim.cli.tools.examined_server import ExaminedServer
+from rosbridge_sim.cli.tools.examined_server import NO_CONNECTION, ExaminedServer
 from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_table
 from rosbridge_sim.doctor.check import Check, prepared, read_checks
 from rosbridge_sim.doctor.check_report import Report, junit, markdown, read_baseline, terminal_lines, to_json
 from rosbridge_sim.doctor.examination import CheckResult, Verdict, examine
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.bridge_errors import BridgeError
-from rosbridge_sim.link.client_connection import why_not
 from rosbridge_sim.link.urls import full_url
 from rosbridge_sim.suggestions import hint
 
@@ -125,12 +122,8 @@ async def examine_server(
     """
     checks = chosen_checks(all_checks(is_hostile=hostile, is_load=load), only)
     known = {} if baseline is None else _read_known(baseline)
-    url = full_url(url)
-    try:
-        async with _server(url, token, patience, ros) as server:
-            outcomes = await _examine_all(server, checks)
-    except (OSError, ValueError, WebSocketException) as error:
-        raise BridgeError(why_not(url, error, patience, flag="URL", token="--token", secrets=[token or ""])) from error  # noqa: S106 - a flag, and no secret
+    async with _server(full_url(url), token, patience, ros) as server:
+        outcomes = await _examine_all(server, checks)
     report = Report(server.name, outcomes, known)
     if junit_path is not None:
         _write(junit_path, junit(report))
@@ -147,7 +140,10 @@ async def examine_server(
 async def _server(url: str, token: str | None, patience: float, ros: int | None) -> AsyncIterator[ExaminedServer]:
     server = ExaminedServer(url, token, patience, f"/doctor_{secrets.token_hex(3)}")
     try:
-        await server.find_out(ros)
+        try:
+            await server.find_out(ros)
+        except NO_CONNECTION as error:
+            raise BridgeError(server.why_not(error)) from error
         yield server
     finally:
         await server.close()
@@ -178,11 +174,14 @@ async def _examine(server: ExaminedServer, check: Check) -> CheckResult:
     why = await server.why_not_applicable(check)
     if why:
         return CheckResult(check, Verdict.NOT_APPLICABLE, why)
-    number = server.count()
-    async with server.clients() as clients:
+    prefix = f"{server.prefix}/{server.count()}"
+    try:
         if not check.steps:
-            return await connection_checks.run(check, server, f"{server.prefix}/{number}")
-        return await examine(prepared(check, f"{server.prefix}/{number}", server.ros), clients, server.ros)
+            return await connection_checks.run(check, server, prefix)
+        async with server.clients() as clients:
+            return await examine(prepared(check, prefix, server.ros), clients, server.ros)
+    except NO_CONNECTION as error:  # it takes no more connections
+        return CheckResult(check, Verdict.DEVIATES, server.why_not(error))
 
 
 def _show_progress(done: int, total: int) -> None:

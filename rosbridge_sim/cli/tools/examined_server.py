@@ -8,9 +8,12 @@ import json
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 
+from websockets.exceptions import WebSocketException
+
 from rosbridge_sim.doctor.check import ON_ROS_2, Check
 from rosbridge_sim.doctor.check_frames import read_frame
 from rosbridge_sim.link.bridge_errors import BridgeError
+from rosbridge_sim.link.client_connection import why_not
 from rosbridge_sim.link.plain_client import PlainClient
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import shown_url
@@ -34,6 +37,10 @@ BEAT = 0.01
 
 FAST = 0.03
 """A subscription that works so soon works at once [s]."""
+
+
+NO_CONNECTION = (OSError, ValueError, WebSocketException)
+"""Errors of the library where a connection cannot be made."""
 
 
 class DoctorAnswer(Record):
@@ -79,6 +86,14 @@ class ExaminedServer:
         self._asker = LiveClients(self)
         self._known_types: dict[tuple[str, str], bool] = {}
         self._asking = asyncio.Lock()
+
+    def why_not(self, error: Exception) -> str:
+        """Return why there is no connection.
+
+        Args:
+            error: one of `NO_CONNECTION`.
+        """
+        return why_not(self.url, error, self.patience, flag="URL", token="--token", secrets=[self.token or ""])  # noqa: S106 - a flag, and no secret
 
     async def find_out(self, ros: int | None) -> None:
         """Find out what it is.

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import AsyncIterator
 from contextlib import suppress
+from http import HTTPStatus
 from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as ET
@@ -14,6 +15,7 @@ import pytest
 import pytest_asyncio
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.cli.tools.doctor import all_checks
@@ -101,6 +103,21 @@ async def test_server_that_never_stops_is_left_alone(monkeypatch: pytest.MonkeyP
         done = await doctor(wrong, "--only", "topics/message-keys", "--timeout", "0.05")
     assert done.code == 2
     assert done.complaint == f"{wrong}: the connection has ended (1006): it sends more than 50 frames or 134 MB"
+
+
+async def test_server_that_takes_no_more_connections_is_examined_to_the_end() -> None:
+    seen: list[ServerConnection] = []
+
+    def look(connection: ServerConnection, _request: Request) -> Response | None:
+        seen.append(connection)
+        return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "full") if len(seen) > 3 else None
+
+    async with other_server(lambda _frame: [], look) as full:
+        done = await doctor(full, "--only", "topics/message-keys", "--only", "connection/ping", "--timeout", "0.05")
+    assert done.code == 1
+    assert "deviates: topics/message-keys" in done.out
+    assert "it accepts no more clients now (HTTP 503 Service Unavailable)" in done.out
+    assert done.err == ""
 
 
 async def test_server_that_denies_names_is_examined() -> None:
