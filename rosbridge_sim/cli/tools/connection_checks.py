@@ -40,7 +40,7 @@ async def _works(client: PlainClient, server: ExaminedServer, topic: str) -> boo
 async def _with_offer(server: ExaminedServer, topic: str, **offer: object) -> str:
     """Return what is wrong with a connection that offers something; empty if nothing is."""
     try:
-        client = await PlainClient.open(server.url, token=server.token, patience=server.patience, **offer)  # type: ignore[arg-type] # one of its offers
+        client = await PlainClient.open(server.url, token=server.token, patience=server.dialling, **offer)  # type: ignore[arg-type] # one of its offers
     except NO_CONNECTION as error:
         return f"no connection: {error}"
     try:
@@ -53,7 +53,7 @@ async def _query(server: ExaminedServer, topic: str) -> str:
     sign = "&" if "?" in server.url else "?"
     url = server.url if server.url.count("/") > 2 or sign == "&" else f"{server.url}/"  # noqa: PLR2004 - those of the scheme
     try:
-        client = await PlainClient.open(f"{url}{sign}doctor=1", token=server.token, patience=server.patience)
+        client = await PlainClient.open(f"{url}{sign}doctor=1", token=server.token, patience=server.dialling)
     except NO_CONNECTION as error:
         return f"no connection: {error}"
     try:
@@ -71,7 +71,7 @@ async def _subprotocol(server: ExaminedServer, topic: str) -> str:
 
 
 async def _ping(server: ExaminedServer, _topic: str) -> str:
-    client = await PlainClient.open(server.url, token=server.token, patience=server.patience)
+    client = await PlainClient.open(server.url, token=server.token, patience=server.dialling)
     try:
         pong = await client.connection.ping()
         async with asyncio.timeout(server.patience):
@@ -84,14 +84,14 @@ async def _ping(server: ExaminedServer, _topic: str) -> str:
 
 
 async def _close(server: ExaminedServer, _topic: str) -> str:
-    client = await PlainClient.open(server.url, token=server.token, patience=server.patience)
+    client = await PlainClient.open(server.url, token=server.token, patience=server.dialling)
     await client.close()
     code = client.connection.close_code
     return "" if code == 1000 else f"the close was not answered with 1000; got {code}"  # noqa: PLR2004 - RFC 6455, section 7.4.1
 
 
 async def _many(server: ExaminedServer, topic: str) -> str:
-    opening = [PlainClient.open(server.url, token=server.token, patience=server.patience) for _ in range(20)]
+    opening = [PlainClient.open(server.url, token=server.token, patience=server.dialling) for _ in range(20)]
     found = await asyncio.gather(*opening, return_exceptions=True)
     clients = [one for one in found if isinstance(one, PlainClient)]
     try:
@@ -104,7 +104,7 @@ async def _many(server: ExaminedServer, topic: str) -> str:
 
 async def _needs_token(server: ExaminedServer, _topic: str) -> str:
     try:
-        client = await PlainClient.open(server.url, patience=server.patience)
+        client = await PlainClient.open(server.url, patience=server.dialling)
     except NO_CONNECTION:
         return ""
     try:
@@ -140,7 +140,7 @@ async def _arrivals(
             times.append((sent[len(times)], loop.time()))
         return False
 
-    client = await PlainClient.open(server.url, token=server.token, patience=server.patience, on_frame=note)
+    client = await PlainClient.open(server.url, token=server.token, patience=server.dialling, on_frame=note)
     try:
         for op in ("advertise", "subscribe"):
             await client.send(json.dumps({"op": op, "topic": topic, "type": "std_msgs/String"}))

@@ -32,6 +32,9 @@ STATUS_PATIENCE = 0.1
 MAX_SETTLING = 2.0
 """Longest wait for a subscription to work [s]."""
 
+LEAST_DIALLING = 5.0
+"""Least patience for a connection [s]: a handshake takes longer than an answer."""
+
 BEAT = 0.01
 """Time between two publishes while the doctor looks for a subscription's effect [s]."""
 
@@ -69,6 +72,7 @@ class ExaminedServer:
         prefix: namespace of all names of the checks.
         ros: 1 or 2; 0 if it does not tell.
         patience: longest wait for a frame [s].
+        dialling: longest wait for a connection [s].
         settling: time until a subscription works [s].
         has_answers: it answers a call of a service that it may lack.
     """
@@ -77,6 +81,7 @@ class ExaminedServer:
         self.url = url
         self.token = token
         self.patience = patience
+        self.dialling = max(patience, LEAST_DIALLING)
         self.prefix = prefix
         self.ros = 0
         self.name = ""
@@ -93,7 +98,7 @@ class ExaminedServer:
         Args:
             error: one of `NO_CONNECTION`.
         """
-        return why_not(self.url, error, self.patience, flag="URL", token="--token", secrets=[self.token or ""])  # noqa: S106 - a flag, and no secret
+        return why_not(self.url, error, self.dialling, flag="URL", token="--token", secrets=[self.token or ""])  # noqa: S106 - a flag, and no secret
 
     async def find_out(self, ros: int | None) -> None:
         """Find out what it is.
@@ -201,7 +206,7 @@ class LiveClients:
         if name not in self._clients:
             server = self._server
             self._clients[name] = await PlainClient.open(
-                server.url, token=server.token, patience=server.patience, on_frame=self._take_answer
+                server.url, token=server.token, patience=server.dialling, on_frame=self._take_answer
             )
         return self._clients[name]
 

@@ -63,7 +63,7 @@ async def test_this_server_conforms_in_every_check(ros: Literal[1, 2], *, world:
 @pytest.mark.parametrize("what", FAULTS)
 async def test_every_fault_is_found_and_named(what: str, url: str) -> None:
     fault = FAULTS[what]
-    good = await doctor(url, "--only", fault.check, "--timeout", SHORT)
+    good = await doctor(url, "--only", fault.check)
     async with wrong_server(url, fault) as wrong:
         found = await doctor(wrong, "--only", fault.check, "--timeout", SHORT)
     assert (good.code, fault.check in good.out) == (0, False), good.out
@@ -143,7 +143,7 @@ async def test_nothing_listens() -> None:
 
 async def test_known_differences_are_no_faults(url: str, tmp_path: Path) -> None:
     fault = FAULTS["failures are successes"]
-    words = ("--only", "services/unknown", "--only", "topics/burst", "--timeout", SHORT)
+    words = ("--only", "services/unknown", "--only", "topics/burst")
     async with wrong_server(url, fault) as wrong:
         first = await doctor(wrong, *words, "--json")
         (tmp_path / "known.json").write_text(first.out)
@@ -156,7 +156,7 @@ async def test_known_differences_are_no_faults(url: str, tmp_path: Path) -> None
 
 
 async def test_reports_for_machines_and_issues(url: str, tmp_path: Path) -> None:
-    words = ("--only", "services/unknown", "--only", "topics/burst", "--only", "connection/token", "--timeout", SHORT)
+    words = ("--only", "services/unknown", "--only", "topics/burst", "--only", "connection/token")
     async with wrong_server(url, FAULTS["failures are successes"]) as wrong:
         done = await doctor(wrong, *words, "--markdown", "--junit", str(tmp_path / "junit.xml"))
     suite = ET.fromstring((tmp_path / "junit.xml").read_text())  # noqa: S314 - our own
