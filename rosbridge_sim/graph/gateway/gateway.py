@@ -22,7 +22,7 @@ from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, FarTypes, Type
 from rosbridge_sim.graph.gateway.quality import Quality
-from rosbridge_sim.graph.gateway.sentences import name_some, node_text
+from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some, node_text
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
@@ -35,9 +35,6 @@ MAX_TOPICS: Final = 1_000
 
 MAX_ENDPOINTS: Final = 20_000
 """Most endpoints of other programs that are remembered."""
-
-MAX_LINES: Final = 200
-"""Most lines of the log that are written once each, whatever other programs do."""
 
 GATHERING: Final = 2.0
 """Time for which lines about endpoints are gathered, so that those of a program for one reason are one line [s]."""
@@ -124,7 +121,7 @@ class Gateway(Generic[Type]):
         self._endpoints: dict[str, Endpoint] = {}
         self._by_topic: dict[tuple[str, bool], dict[str, Endpoint]] = {}  # by name, and whether it is a writer
         self._advertised: dict[str, str] = {}
-        self._told: set[str] = set()
+        self._lines = OnceLog(graph.logger)
         self._untold: dict[str, _Untold] = {}  # by the key of the endpoint
         self._tell_at: float | None = None
         self._refused: set[tuple[str, str]] = set()
@@ -140,12 +137,12 @@ class Gateway(Generic[Type]):
 
     def notify(self, level: str, text: str) -> None:
         """Log a notice of the bus."""
-        self._tell(text, logging.getLevelNamesMapping().get(level.upper(), logging.WARNING))
+        self._lines.notify(level, text)
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
         """See `Guest`: a part of the server publishes there from now on."""
         self._advertised.pop(name, None)
-        self._tell(f"{kind} {name}: {why}")
+        self._lines.tell(f"{kind} {name}: {why}")
 
     def check_subscribe(self, topic: str, type_name: str) -> None:
         """See `Restricted`.
@@ -216,7 +213,7 @@ class Gateway(Generic[Type]):
                 if endpoint.is_named:
                     self._name_untold(endpoint.key, endpoint, now)
             else:
-                self._tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
+                self._lines.tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
         self._mark(now)
 
     def receive(self, name: str, raw: bytes, now: float) -> None:
@@ -322,7 +319,7 @@ class Gateway(Generic[Type]):
     def _advertise(self, name: str, far_type: Type, endpoint: Endpoint | None = None) -> bool:
         """Advertise a topic on the bus for a program on the graph; return False if that is refused."""
         if len(self._advertised) >= MAX_TOPICS:
-            self._tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
+            self._lines.tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
             return False
         try:
             self._policy.check_publish(name, far_type.type.name)
@@ -365,7 +362,7 @@ class Gateway(Generic[Type]):
 
     def _open_writer(self, topic: Topic, far_type: Type) -> bool:
         if len(self._writers) >= MAX_TOPICS:
-            self._tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
+            self._lines.tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
             return False
         self._num_opened += 1
         if self._num_opened > self._graph.endpoints_per_turn:
@@ -374,7 +371,7 @@ class Gateway(Generic[Type]):
         try:
             self._node.open_writer(topic.name, far_type, quality, is_sole=topic.owner is not None)
         except GraphError as error:
-            self._tell(f"{topic.name} cannot be published: {error}")
+            self._lines.tell(f"{topic.name} cannot be published: {error}")
             self._refused.add((topic.name, far_type.name))
             return False
         subscription = self._bus.subscribe(
@@ -423,7 +420,7 @@ class Gateway(Generic[Type]):
             if name in self._readers:
                 continue
             if len(self._readers) >= MAX_TOPICS:
-                self._tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
+                self._lines.tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
                 return
             self._num_opened += 1
             if self._num_opened > self._graph.endpoints_per_turn:
@@ -434,7 +431,7 @@ class Gateway(Generic[Type]):
         try:
             self._node.open_reader(name, far_type, quality)
         except GraphError as error:
-            self._tell(f"{name} cannot be subscribed to: {error}")
+            self._lines.tell(f"{name} cannot be subscribed to: {error}")
             self._refused.add((name, far_type.name))
             return
         self._readers[name] = _Reader(far_type, quality)
@@ -503,14 +500,14 @@ class Gateway(Generic[Type]):
         try:
             found = self._types.find(topic.type.name)
         except PeerError as error:
-            self._tell(f"{topic.name} does not pass: {error}", logging.INFO)
+            self._lines.tell(f"{topic.name} does not pass: {error}", logging.INFO)
             return None
         return None if (topic.name, found.name) in self._refused else found
 
     def _refuse(self, name: str, error: PeerError) -> None:
         """Report a message of the graph that does not fit, as a client's mistake."""
         text = f"{name}: {error}"
-        self._tell(f"a message is dropped: {text}")
+        self._lines.tell(f"a message is dropped: {text}")
         reason = error.reason if isinstance(error, (FieldError, GraphError)) else Reason.REFUSED
         refusal = RefusedRequest(self.address, reason, "publish", name, text)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
@@ -550,13 +547,7 @@ class Gateway(Generic[Type]):
             topics = name_some(list(dict.fromkeys(one.endpoint.topic for one in same)))
             text = f"{node_text(first.endpoint.node, first.endpoint.program)} publishes {topics}, which does not pass"
             advice = f": {self._graph.one_too_many}" if first.kind is Reason.NAME_TAKEN else ""
-            self._tell(f"{text}: {first.why}{advice}", first.level)
-
-    def _tell(self, text: str, level: int = logging.WARNING) -> None:
-        """Log a line once."""
-        if text not in self._told and len(self._told) < MAX_LINES:
-            self._told.add(text)
-            self._log.log(level, "%s", text)
+            self._lines.tell(f"{text}: {first.why}{advice}", first.level)
 
 
 def _do_nothing() -> None:

@@ -12,13 +12,11 @@ from functools import partial
 from typing import Final, Generic
 
 from rosbridge_sim.errors import GraphError, PeerError, Reason
-from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarCalls, FarGraph, FarService, FarServiceTypes, OnReply, Service
-from rosbridge_sim.graph.gateway.sentences import name_some
-from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant, is_guest
+from rosbridge_sim.graph.gateway.far_offers import FarOffers
+from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy
-from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.schema.message import Message
 
@@ -27,9 +25,6 @@ MAX_SERVICES: Final = 5_000
 
 MAX_CALLERS: Final = 1_000
 """Most nodes that are remembered as callers; the one that called first is forgotten."""
-
-MAX_LINES: Final = 200
-"""Most lines of the log that are written once each."""
 
 PATIENCE: Final = 60.0
 """Longest wait for the answer of a node, for calls that name no time-out, on a server without `--service-timeout` [s]:
@@ -68,17 +63,18 @@ class CallingNode:
         self._policy.check_publish(topic, type_name)
 
 
-class NodeServices(Generic[Service]):
+class NodeServices(FarOffers, Generic[Service]):
     """The services that pass, in both directions.
 
-    Attributes:
-        name: stands for the name of a node in rosapi's lists.
-        address: stands for the address of a client, in the log.
+    Attributes, beside those of `FarOffers`:
         callers: nodes that have called, by name, in order of their last call.
-        foreign: services of nodes that are on the bus now, by name.
         on_change: called if the services of the bus have changed.
         check_request: raises GraphError if a client must not send a request of a type to a node.
     """
+
+    kind = "service"
+    op = "call_service"
+    most = MAX_SERVICES
 
     def __init__(
         self,
@@ -100,29 +96,14 @@ class NodeServices(Generic[Service]):
             far: calls services of nodes.
             is_offered: returns whether nodes may call a service of an owner, for which the policy lets them.
         """
-        self.name, self.address = graph.name, graph.title
+        super().__init__(graph, bus, policy)
         self.callers: dict[str, CallingNode] = {}
-        self.foreign: dict[str, FarService] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.check_request: Callable[[str, Call], None] = lambda _name, _call: None
-        self._graph = graph
-        self._log = logging.getLogger(graph.logger)
-        self._bus = bus
         self._types = types
-        self._policy = policy
         self._far = far
         self._is_offered = is_offered
-        self._told: set[str] = set()
         bus.on_holdings.append(self._note_holdings)
-
-    def notify(self, level: str, text: str) -> None:
-        """Log a notice of the bus."""
-        self._tell(text, logging.getLevelNamesMapping().get(level.upper(), logging.WARNING))
-
-    def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """See `Guest`: another participant provides it from now on."""
-        self.foreign.pop(name, None)
-        self._tell(f"{kind} {name}: {why}")
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
         """See `Standing`."""
@@ -133,8 +114,7 @@ class NodeServices(Generic[Service]):
         """End all services and callers. A second call does nothing."""
         if self._note_holdings in self._bus.on_holdings:
             self._bus.on_holdings.remove(self._note_holdings)
-        self._bus.leave(self, now)
-        self.foreign.clear()
+        super().leave(now)
         for name in list(self.callers):
             self.forget_caller(name, now)
 
@@ -151,22 +131,18 @@ class NodeServices(Generic[Service]):
             if not self._may_offer(name, service.owner):
                 continue
             if len(found) >= MAX_SERVICES:
-                self._tell(f"more than {MAX_SERVICES:,} services on the bus: the others do not pass")
+                self._log.tell(f"more than {MAX_SERVICES:,} services on the bus: the others do not pass")
                 break
             try:
                 found[name] = self._types.find_service(service.type.name)
             except PeerError as error:
-                self._tell(f"service {name} does not pass: {error}", logging.INFO)
+                self._log.tell(f"service {name} does not pass: {error}", logging.INFO)
         return found
 
     def _may_offer(self, name: str, owner: Participant) -> bool:
         return (
             owner is not self and self._passes(name) and self._policy.may_call(name) and self._is_offered(name, owner)
         )
-
-    def _passes(self, name: str) -> bool:
-        is_own = name.startswith(self._graph.own_folders)
-        return not is_own and HIDDEN not in name and self._graph.is_name(name)
 
     def find(self, name: str) -> Service:
         """Return the type of a service of the bus.
@@ -195,7 +171,7 @@ class NodeServices(Generic[Service]):
             service = self.find(name)
             value = service.request.decode(request, self._bus.stamp_ns)
         except PeerError as error:
-            self._refuse(node, name, error.reason, str(error))
+            self._refuse(name, error.reason, str(error), node)
             on_reply(False, str(error).encode())  # noqa: FBT003 - see `OnReply`
             return
 
@@ -204,17 +180,12 @@ class NodeServices(Generic[Service]):
                 on_reply(True, service.response.encode(answer.values))  # noqa: FBT003 - see `OnReply`
                 return
             if answer.reason is not None:
-                self._refuse(node, name, answer.reason, str(answer.values))
+                self._refuse(name, answer.reason, str(answer.values), node)
             on_reply(False, str(answer.values).encode())  # noqa: FBT003 - see `OnReply`
 
         body = service.request.type.encode_json(value)
         caller = self._caller(node, now) if node else self
         self._bus.call(caller, name, body, on_answer, now=now)
-
-    def _refuse(self, node: str, name: str, reason: Reason | None, text: str) -> None:
-        who = f"{self.address} node {node}" if node else self.address
-        refusal = RefusedRequest(who, reason or Reason.REFUSED, "call_service", name, text)
-        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _caller(self, node: str, now: float) -> CallingNode:
         caller = self.callers.pop(node, None) or CallingNode(self._graph, node, self._policy)
@@ -232,36 +203,7 @@ class NodeServices(Generic[Service]):
 
     # Services of nodes, for the bus
 
-    def set_foreign(self, found: Iterable[FarService]) -> None:
-        """Offer on the bus what nodes provide, and end what they provide no more, whose waiting calls fail.
-
-        Args:
-            found: all services of nodes.
-        """
-        wanted = {one.name: one for one in found if self._passes(one.name)}
-        for name in [name for name, one in self.foreign.items() if wanted.get(name) != one]:
-            del self.foreign[name]
-            self._bus.withdraw(self, name)
-        failed: dict[str, list[str]] = {}
-        for name, one in wanted.items():
-            if name in self.foreign or len(self.foreign) >= MAX_SERVICES:
-                continue
-            try:
-                self._provide(one)
-            except PeerError as error:
-                failed.setdefault(str(error), []).append(name)
-                continue
-            self.foreign[name] = one
-        for why, names in failed.items():
-            self._tell(f"service {name_some(names)} of {self.address} cannot be called: {why}", logging.INFO)
-
     def _provide(self, one: FarService) -> None:
-        """Offer one service on the bus.
-
-        Raises:
-            PeerError: it must not be offered, its type is not known here, or the bus has one of this name.
-        """
-        self._policy.check_offer(one.name)
         service = self._types.find_service(one.type_name)
         if one.hash and one.hash != service.hash:
             raise GraphError(
@@ -269,10 +211,11 @@ class NodeServices(Generic[Service]):
                 reason=Reason.TYPE_CONFLICT,
             )
         known = self._bus.services.get(one.name)
-        if known is not None and known.owner is not self:
-            who = "a client of this server" if is_guest(known.owner) else known.owner.name
-            raise GraphError(f"{who} provides a service of this name", reason=Reason.NAME_TAKEN)
+        self._check_free(None if known is None else known.owner)
         self._bus.provide(self, one.name, one.type_name, partial(self._handle, one.name, service)).patience = PATIENCE
+
+    def _withdraw(self, name: str) -> None:
+        self._bus.withdraw(self, name)
 
     def _handle(self, name: str, service: Service, call: Call, _now: float) -> None:
         """Call a service of a node for a participant of the bus."""
@@ -291,9 +234,3 @@ class NodeServices(Generic[Service]):
 
         request = service.request.encode(Message(service.request.type, call.request))
         self._far.call(name, service, request, call, on_reply)
-
-    def _tell(self, text: str, level: int = logging.WARNING) -> None:
-        """Log a line once."""
-        if text not in self._told and len(self._told) < MAX_LINES:
-            self._told.add(text)
-            self._log.log(level, "%s", text)

@@ -20,12 +20,12 @@ from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService
 from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
 from rosbridge_sim.graph.ros1.master_view import MasterView, Registration, read_view
 from rosbridge_sim.graph.ros1.ros1_graph import is_name, name_here, name_there, type_of
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import MessageCutter, Room, with_length, write_header
-from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros1.service_links import FarServices, call_of, probe, serve_calls
 from rosbridge_sim.shell.ros1.topic_links import CHUNK, LOST, SubscriberLink, exchange_headers, receive, take_header
@@ -42,12 +42,6 @@ MAX_CONNECTIONS: Final = 500
 
 MAX_PUBLISHERS: Final = 100
 """Most publishers of one topic that are followed."""
-
-MAX_LINES: Final = 200
-"""Most lines of the log that are written once each, whatever other nodes do."""
-
-MAX_LINE: Final = 400
-"""Longest of these lines [characters]."""
 
 MAX_CONNECTING: Final = 32
 """Most publishers at once that we connect to: strangers may name any number of addresses that do not answer."""
@@ -148,7 +142,7 @@ class Ros1Node:
         self._num_links = 0
         self._is_ending = False
         self._connecting = asyncio.Semaphore(MAX_CONNECTING)
-        self._told: set[str] = set()
+        self._log = OnceLog(_log.name)
         self._is_lost: str | None = None
         self._is_changed = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -254,7 +248,9 @@ class Ros1Node:
         for link in links:
             if not link.send(framed):
                 is_complete = False
-                self._tell(f"node {link.node} is too slow for {topic}: its oldest messages are dropped", logging.INFO)
+                self._log.tell(
+                    f"node {link.node} is too slow for {topic}: its oldest messages are dropped", logging.INFO
+                )
         return is_complete
 
     # The master
@@ -340,7 +336,7 @@ class Ros1Node:
         services = {Registration("Service", name_there(n, there)): "" for n in self.services.offered()}
         for one in services.keys() & set(taken):
             del services[one]
-            self._tell(f"service {one.name} has a provider on the graph already; that of this server does not pass")
+            self._log.tell(f"service {one.name} has a provider on the graph already; that of this server does not pass")
         return {one: kind for one, kind in (wanted | services).items() if one not in self._refused}
 
     async def _register(self, taken: dict[Registration, None]) -> None:
@@ -365,7 +361,7 @@ class Ros1Node:
                 if isinstance(error, UnreachableError):
                     raise
                 self._refused.add(one)
-                self._tell(f"the master does not take {one.name}: {error}")
+                self._log.tell(f"the master does not take {one.name}: {error}")
                 continue
             if one.kind == "Subscriber":
                 self._set_publishers(one.name, found)
@@ -410,7 +406,7 @@ class Ros1Node:
             try:
                 await self._learn(one)
             except LOST as error:
-                self._tell(f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {error}")
+                self._log.tell(f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {error}")
         passing = {key: one for key, one in found.items() if self._types.is_known(one.type_name)}
         come = [one for key, one in passing.items() if key not in self._endpoints]
         gone = [key for key in self._endpoints if key not in passing]
@@ -462,7 +458,7 @@ class Ros1Node:
             return
         uris = [uri for uri in found if isinstance(uri, str) and uri != self.uri]
         if len(uris) > MAX_PUBLISHERS:
-            self._tell(f"{topic} has more than {MAX_PUBLISHERS} publishers: the others are not heard")
+            self._log.tell(f"{topic} has more than {MAX_PUBLISHERS} publishers: the others are not heard")
         reader.publishers = set(uris[:MAX_PUBLISHERS])
         for uri in sorted(reader.publishers - reader.tasks.keys()):
             if len(reader.tasks) < 2 * MAX_PUBLISHERS:
@@ -478,7 +474,7 @@ class Ros1Node:
                 pause = FIRST_WAIT
             except LOST as error:
                 if uri in reader.publishers:
-                    self._tell(f"{topic}: a publisher cannot be heard: {error or 'no answer came in time'}")
+                    self._log.tell(f"{topic}: a publisher cannot be heard: {error or 'no answer came in time'}")
                     await asyncio.sleep(pause)
                     pause = min(2 * pause, LONGEST_WAIT)
             else:
@@ -502,7 +498,7 @@ class Ros1Node:
             finally:
                 cutter.close()
                 if cutter.num_skipped:
-                    self._tell(f"{topic}: messages beyond --max-frame-size are dropped")
+                    self._log.tell(f"{topic}: messages beyond --max-frame-size are dropped")
         finally:
             writer.close()
 
@@ -523,7 +519,9 @@ class Ros1Node:
         try:
             header = await probe(await self._ask("lookupService", there), there, self._choices.name)
         except LOST as error:
-            self._tell(f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}", logging.INFO)
+            self._log.tell(
+                f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}", logging.INFO
+            )
             return
         if here is not None and type_of(header.get("type", "")) is not None:
             self._far_types[one] = FarService(here, header["type"], node, header.get("md5sum", ""))
@@ -606,7 +604,7 @@ class Ros1Node:
         except GraphError:
             uri = self.uri
         if uri == self.uri:
-            self._tell(f"ignored a request to shut down ({shown}); stop the server itself")
+            self._log.tell(f"ignored a request to shut down ({shown}); stop the server itself")
             return
         _log.error(
             "another node has the name %s now (%s), so this one leaves the graph; use --ros1-name",
@@ -621,7 +619,7 @@ class Ros1Node:
 
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if len(self._connections) >= MAX_CONNECTIONS:
-            self._tell(f"more than {MAX_CONNECTIONS} connections of nodes: the others are closed")
+            self._log.tell(f"more than {MAX_CONNECTIONS} connections of nodes: the others are closed")
             writer.transport.abort()
             return
         self._connections[writer] = None
@@ -636,7 +634,7 @@ class Ros1Node:
                 await self._serve_topic(header, node, reader, writer)
         except PeerError as error:
             text = f"a node is refused: {error}"
-            self._tell(text, key=_VALUES.sub("", text))
+            self._log.tell(text, key=_VALUES.sub("", text))
             with suppress(OSError):
                 writer.write(write_header({"error": str(error)}))
         except LOST:
@@ -697,13 +695,6 @@ class Ros1Node:
             max_size=self._choices.max_message_size,
             room=self._choices.room,
         )
-
-    def _tell(self, text: str, level: int = logging.WARNING, key: str = "") -> None:
-        """Log a line once; `key` is equal for lines that say the same with other values."""
-        key = key or text
-        if key not in self._told and len(self._told) < MAX_LINES:
-            self._told.add(key)
-            _log.log(level, "%s", printable(text, MAX_LINE))
 
 
 def _misfit(known: Ros1Type, header: dict[str, str], node: str) -> str:

@@ -28,6 +28,7 @@ from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService, OnReply
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType, CdrType
 from rosbridge_sim.graph.ros2.ros2_names import dds_type, guid_text, is_name
 from rosbridge_sim.graph.topics_services import Call
@@ -241,7 +242,7 @@ class RclpyNode:
         self._calls: dict[Call, tuple[_Class, _Class]] = {}
         self._num_sent: Counter[_Class] = Counter()  # requests without an answer yet, by client of rclpy
         self._is_sweeping = False
-        self._told: set[str] = set()
+        self._log = OnceLog(_log.name)
         self.is_stopped = False
         self._view = _GraphView(self.library, choices.namespace)
         self._executor = SingleThreadedExecutor(context=self._context)
@@ -339,7 +340,7 @@ class RclpyNode:
         try:
             self._writers[topic].publish(raw)
         except Exception as error:  # noqa: BLE001 - of the library
-            self._tell(f"{topic}: rclpy cannot publish a message: {error!r:.200}")
+            self._log.tell(f"{topic}: rclpy cannot publish a message: {error!r:.200}")
             return False
         if topic in self._wanted:
             echoes = self._echoes.setdefault(topic, deque(maxlen=MAX_ECHOES))
@@ -513,7 +514,7 @@ class RclpyNode:
                 return True
             self._offered[name] = service, self._provide(name, found)
         for package, names in missing.items():
-            self._tell(
+            self._log.tell(
                 f"{len(names)} services are not offered to nodes, such as {names[0]}: {package} is not installed for"
                 " ROS 2; build it, and source its setup.bash",
                 logging.INFO,
@@ -551,7 +552,7 @@ class RclpyNode:
             if refusal is not None:
                 answer(refusal, header)
             else:
-                self._tell(f"service {name}: a node that called it gets no answer, because the call failed: {why}")
+                self._log.tell(f"service {name}: a node that called it gets no answer, because the call failed: {why}")
 
         def run() -> None:
             if self.services is not None and name in self._offered:
@@ -596,11 +597,6 @@ class RclpyNode:
             raise
         except Exception as error:  # noqa: BLE001 - of the library
             raise GraphError(f"rclpy refuses it: {error!r:.200}") from None
-
-    def _tell(self, text: str, level: int = logging.WARNING) -> None:
-        if text not in self._told and len(self._told) < MAX_ECHOES:
-            self._told.add(text)
-            _log.log(level, "%s", text)
 
 
 class Pacer:

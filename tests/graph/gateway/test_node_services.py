@@ -102,7 +102,7 @@ def test_services_of_the_bus_win_over_those_of_nodes(caplog: pytest.LogCaptureFi
     with caplog.at_level(logging.INFO):
         one.services.set_foreign([FarService("/lights", SET_BOOL), FarService("/doors", SET_BOOL)])
     assert one.bus.services["/lights"].owner is owner
-    assert "/lights of ROS 2 cannot be called: a client of this server provides a service of this name" in caplog.text
+    assert "/lights of ROS 2 cannot be used: a client of this server provides a service of this name" in caplog.text
     one.bus.provide(owner, "/doors", SET_BOOL, owner.hold)
     assert list(one.services.foreign) == []
     one.bus.leave(owner, 0.0)
