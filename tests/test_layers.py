@@ -136,7 +136,8 @@ environments: records scenery scenery.static shell shell.rendering simulator.sna
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.files cli.tools link
-cli.tools: * client doctor graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
+cli.doctor: * cli.tools doctor link
+cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
     shell.config shell.files shell.page shell.ros1 shell.ros2
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
     world.geometry world.roads world.state

@@ -44,4 +44,4 @@ def make_doctor() -> Parser:
 
 
 def _run(options: Options) -> int:
-    return run_tool("tools.doctor.list_checks" if options.is_list else "tools.doctor.examine_server", options)
+    return run_tool(f"doctor.doctor_run.{'list_checks' if options.is_list else 'examine_server'}", options)

@@ -54,7 +54,7 @@ _log = logging.getLogger("rosbridge_sim.attach")
 
 
 class AttachChoices(MirrorChoices):
-    """How to attach to remote bridges.
+    """Options of the connections to remote bridges, beside those of the mirror.
 
     Attributes:
         max_wait: longest wait between two attempts [s].

@@ -66,7 +66,7 @@ class MirroredItem:
 
 
 class MirrorChoices(Record):
-    """What is mirrored, and over which connections.
+    """Options of a mirror: its topics, and its connections.
 
     Attributes:
         has_connection_each: use one connection per topic and service, as MORAI SIM does, and not one for all (and a

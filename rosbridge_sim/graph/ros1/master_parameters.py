@@ -25,7 +25,7 @@ _LARGEST: Final = 2**31
 """The integers of XML-RPC have 32 bits."""
 
 _OF_ROSCORE: Final = frozenset({"/rosdistro", "/rosversion", "/run_id"})
-"""What a roscore sets, and this server where there is none."""
+"""Parameters that every roscore sets. This server sets them only at a master that lacks them."""
 
 _log = logging.getLogger("rosbridge_sim.ros1")
 

@@ -73,7 +73,7 @@ VERGE: Final[Colour] = (99, 112, 86)
 
 
 class RoadSite(NamedTuple):
-    """What is built beside roads, and where.
+    """The surroundings of roads, for the functions that build things beside them.
 
     Attributes:
         builder: takes the meshes.

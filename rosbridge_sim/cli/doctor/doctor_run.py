@@ -17,8 +17,8 @@ from contextlib import asynccontextmanager
 from importlib.resources import files
 from pathlib import Path
 
-from rosbridge_sim.cli.tools import connection_checks
-from rosbridge_sim.cli.tools.examined_server import NO_CONNECTION, ExaminedServer
+from rosbridge_sim.cli.doctor import connection_checks
+from rosbridge_sim.cli.doctor.examined_server import NO_CONNECTION, ExaminedServer
 from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_table
 from rosbridge_sim.doctor.check import Check, prepared, read_checks
 from rosbridge_sim.doctor.check_report import Report, junit, markdown, read_baseline, terminal_lines, to_json

@@ -5,14 +5,15 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+import urllib.parse
 from collections.abc import Awaitable, Callable, Sequence
 from itertools import pairwise
 from statistics import median
-from typing import Final
+from typing import Any, Final
 
 from websockets.exceptions import ConnectionClosed
 
-from rosbridge_sim.cli.tools.examined_server import NO_CONNECTION, ExaminedServer
+from rosbridge_sim.cli.doctor.examined_server import NO_CONNECTION, ExaminedServer
 from rosbridge_sim.doctor.check import Check
 from rosbridge_sim.doctor.examination import CheckResult, Verdict
 from rosbridge_sim.link.plain_client import PlainClient
@@ -37,10 +38,10 @@ async def _works(client: PlainClient, server: ExaminedServer, topic: str) -> boo
     return True
 
 
-async def _with_offer(server: ExaminedServer, topic: str, **offer: object) -> str:
-    """Return what is wrong with a connection that offers something; empty if nothing is."""
+async def _works_by(server: ExaminedServer, topic: str, url: str = "", **offer: Any) -> str:  # noqa: ANN401 - see `PlainClient.open`
+    """Return what is wrong with a connection by another URL, or that offers something; empty if nothing is."""
     try:
-        client = await PlainClient.open(server.url, token=server.token, patience=server.dialling, **offer)  # type: ignore[arg-type] # one of its offers
+        client = await PlainClient.open(url or server.url, token=server.token, patience=server.dialling, **offer)
     except NO_CONNECTION as error:
         return f"no connection: {error}"
     try:
@@ -50,24 +51,17 @@ async def _with_offer(server: ExaminedServer, topic: str, **offer: object) -> st
 
 
 async def _query(server: ExaminedServer, topic: str) -> str:
-    sign = "&" if "?" in server.url else "?"
-    url = server.url if server.url.count("/") > 2 or sign == "&" else f"{server.url}/"  # noqa: PLR2004 - those of the scheme
-    try:
-        client = await PlainClient.open(f"{url}{sign}doctor=1", token=server.token, patience=server.dialling)
-    except NO_CONNECTION as error:
-        return f"no connection: {error}"
-    try:
-        return "" if await _works(client, server, topic) else "a publish did not come back"
-    finally:
-        await client.close()
+    parts = urllib.parse.urlsplit(server.url)
+    query = f"{parts.query}&doctor=1" if parts.query else "doctor=1"
+    return await _works_by(server, topic, urllib.parse.urlunsplit(parts._replace(path=parts.path or "/", query=query)))
 
 
 async def _deflate(server: ExaminedServer, topic: str) -> str:
-    return await _with_offer(server, topic, compression="deflate")
+    return await _works_by(server, topic, compression="deflate")
 
 
 async def _subprotocol(server: ExaminedServer, topic: str) -> str:
-    return await _with_offer(server, topic, subprotocols=["rosbridge.v2"])
+    return await _works_by(server, topic, subprotocols=["rosbridge.v2"])
 
 
 async def _ping(server: ExaminedServer, _topic: str) -> str:

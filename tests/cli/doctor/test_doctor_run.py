@@ -18,10 +18,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from rosbridge_sim import Simulator
-from rosbridge_sim.cli.tools.doctor import all_checks
+from rosbridge_sim.cli.doctor.doctor_run import all_checks
 from rosbridge_sim.link import plain_client
+from tests.cli.doctor.wrong_server import FAULTS, Fault, wrong_server
 from tests.cli.tool_fixture import Result, other_server, run, talking_server
-from tests.cli.wrong_server import FAULTS, Fault, wrong_server
 from tests.support import PATIENCE
 
 LISTS = ("rosapi/topics", "rosapi/services", "rosapi/nodes")

@@ -10,6 +10,7 @@ from contextlib import asynccontextmanager
 
 from websockets.exceptions import WebSocketException
 
+from rosbridge_sim.cli.tools.tool_client import ToolAnswer
 from rosbridge_sim.doctor.check import ON_ROS_2, Check
 from rosbridge_sim.doctor.check_frames import read_frame
 from rosbridge_sim.link.bridge_errors import BridgeError
@@ -18,7 +19,6 @@ from rosbridge_sim.link.plain_client import PlainClient
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import shown_url
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.records import Record
 
 _DETAILS = {"topic": "/rosapi/message_details", "service": "/rosapi/service_request_details"}
 """Kind of a type -> service that knows it."""
@@ -44,23 +44,6 @@ FAST = 0.03
 
 NO_CONNECTION = (OSError, ValueError, WebSocketException)
 """Errors of the library where a connection cannot be made."""
-
-
-class DoctorAnswer(Record):
-    """The answer to a call of the doctor's own.
-
-    Attributes:
-        is_ok: the service did what was asked.
-        values: the response, or the text of the refusal.
-    """
-
-    is_ok: bool
-    values: JsonValue
-
-    @property
-    def fields(self) -> dict[str, JsonValue]:
-        """Fields of the response; none after a refusal."""
-        return self.values if self.is_ok and isinstance(self.values, dict) else {}
 
 
 class ExaminedServer:
@@ -149,7 +132,7 @@ class ExaminedServer:
                     return 0.0 if waited < FAST else 1.5 * waited
         return 0.3
 
-    async def call(self, service: str, **args: object) -> DoctorAnswer | None:
+    async def call(self, service: str, **args: object) -> ToolAnswer | None:
         """Return the answer of a service; None if there is none in time."""
         return await self._asker.ask("doctor", service, args)
 
@@ -199,7 +182,7 @@ class LiveClients:
     def __init__(self, server: ExaminedServer) -> None:
         self._server = server
         self._clients: dict[str, PlainClient] = {}
-        self._answers: dict[str, asyncio.Future[DoctorAnswer]] = {}
+        self._answers: dict[str, asyncio.Future[ToolAnswer]] = {}
 
     async def connect(self, name: str) -> PlainClient:
         """Return a connection; the first time it is made."""
@@ -219,10 +202,10 @@ class LiveClients:
             return False
         future = self._answers.pop(str(answer["id"]), None)
         if future is not None:
-            future.set_result(DoctorAnswer(bool(answer.get("result", True)), answer.get("values")))
+            future.set_result(ToolAnswer(bool(answer.get("result", True)), answer.get("values")))
         return True
 
-    async def ask(self, name: str, service: str, args: object) -> DoctorAnswer | None:
+    async def ask(self, name: str, service: str, args: object) -> ToolAnswer | None:
         """Return the answer of a service; None if there is none in time."""
         client = await self.connect(name)
         number = f"doctor:{self._server.count()}"
