@@ -23,6 +23,9 @@ from rosbridge_sim.records import Record, replace
 _NAMED: Final = ("topic", "service", "action")
 """Keys of an op whose value is a name of the graph."""
 
+_ASKED_FOR: Final = ("name", "topic", "service", "node")
+"""Arguments of rosapi whose value is a name of the graph."""
+
 _OF_ROSAPI: Final = re.compile(r"/?rosapi/.*")
 
 ON_ROS_2: Final = {"rospy_tutorials/AddTwoInts": "example_interfaces/AddTwoInts"}
@@ -132,12 +135,14 @@ def _names(check: Check) -> set[str]:
         if isinstance(frame, str):
             names |= {found for key in _NAMED for found in re.findall(rf'"{key}"\s*:\s*"([^"\s]+)"', frame)}
         elif isinstance(frame, dict):
-            names |= {frame[key] for key in _NAMED if isinstance(frame.get(key), str)}
+            named = [frame.get(key) for key in _NAMED]
+            names |= {name for name in named if isinstance(name, str)}
+            names |= {part for name in named if isinstance(name, dict) for part in name["$repeat"][2:]}
             args = frame.get("args")
-            if _OF_ROSAPI.fullmatch(str(frame.get("service"))) and isinstance(args, dict) and "name" in args:
-                names.add(args["name"])
+            if _OF_ROSAPI.fullmatch(str(frame.get("service"))) and isinstance(args, dict):
+                names |= {args[key] for key in _ASKED_FOR if str(args.get(key)).startswith("/")}
     names = {name.partition("#")[0].removesuffix("/_action/cancel_goal") for name in names}
-    return {name for name in names if name.strip("/") and " " not in name and not _OF_ROSAPI.fullmatch(name)}
+    return {name for name in names if name.strip("/") and not _OF_ROSAPI.fullmatch(name)}
 
 
 def plain_types(text: str) -> str:

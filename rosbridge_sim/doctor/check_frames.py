@@ -8,7 +8,7 @@ A check writes frames as JSON objects. Other forms are:
     {"$cbor": {...}}         a binary frame with this object as CBOR; byte strings are {"$hex": ...}, and tagged ones
                              {"$tag": number, "$hex": ...}
     {"$png": {...}}          in a frame that is sent: the object as JSON, in a picture, as base64
-    {"$repeat": ["x", 3]}    the text so many times
+    {"$repeat": ["x", 3]}    the text so many times; with a third part, behind that
     "~..."                   in a frame that must come: a regular expression for the whole text
     {"$any": "list"}         in a frame that must come: any value of this kind: list, object, text, number or bool
     {"$has": {...}}          in a frame that must come: an object with at least these fields
@@ -92,8 +92,8 @@ def _written(value: JsonValue) -> Any:  # noqa: ANN401 - any value of JSON or CB
         return value
     forms = tuple(key for key in value if key.startswith("$"))
     if forms == ("$repeat",):
-        text, number = value["$repeat"]
-        written: Any = text * number
+        text, number, *head = value["$repeat"]
+        written: Any = "".join(head) + text * number
     elif forms == ("$png",):
         written = _picture(json.dumps(value["$png"]).encode())
     elif forms == ("$hex",):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
-from rosbridge_sim.doctor.check import Check, plain_types, prepared, read_checks
+from rosbridge_sim.doctor.check import Check, moves, plain_types, prepared, read_checks
+from rosbridge_sim.doctor.check_frames import write_frame
+from tests.vector_player import CHECKS
 
 
 def check(*steps: object) -> Check:
@@ -36,6 +39,17 @@ def check(*steps: object) -> Check:
 )  # fmt: skip
 def test_names_are_put_below_the_prefix(sent: object, expected: object) -> None:
     assert prepared(check({"a>": sent}), "/p", 1).steps == [{"a>": expected}]
+
+
+def test_no_check_names_anything_of_the_server_but_rosapi() -> None:
+    strange: list[tuple[str, str]] = []
+    for one in (one for path in CHECKS.glob("*.jsonl") for one in read_checks(path.read_text("utf-8"))):
+        for _, action, frame in moves(prepared(one, "/p", 1)):
+            sent = write_frame(frame) if action == ">" else ""
+            text = (sent if isinstance(sent, str) else sent.decode("latin-1")).replace('\\"', '"')
+            named = re.findall(r'"(?:topic|service|action|node|name)"\s*:\s*"(/[^"]*)', text[:5_000])
+            strange += [(one.id, name) for name in named if not name.startswith(("/p/", "/rosapi/"))]
+    assert strange == []
 
 
 def test_names_in_answers_and_ids_follow() -> None:

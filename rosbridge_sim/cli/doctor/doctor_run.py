@@ -125,14 +125,14 @@ async def examine_server(
     async with _server(full_url(url), token, patience, ros) as server:
         outcomes = await _examine_all(server, checks)
     report = Report(server.name, outcomes, known)
-    if junit_path is not None:
-        _write(junit_path, junit(report))
     if is_json:
         put(json.dumps(to_json(report)))  # some checks send integers beyond 64 bits
     elif is_markdown:
         put_lines(markdown(report))
     else:
         put_lines("\n".join(terminal_lines(report, is_verbose=verbose)))
+    if junit_path is not None:
+        _write(junit_path, junit(report))
     return 1 if report.faults else 0
 
 

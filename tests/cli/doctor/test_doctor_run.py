@@ -165,6 +165,12 @@ async def test_reports_for_machines_and_issues(url: str, tmp_path: Path) -> None
     assert '"op": "call_service"' in done.out
 
 
+async def test_report_is_printed_although_a_file_cannot_be_written(url: str, tmp_path: Path) -> None:
+    done = await doctor(url, "--only", "topics/latch", "--junit", str(tmp_path / "no" / "x.xml"))
+    assert (done.code, "1 check: 1 conforms" in done.out) == (2, True)
+    assert done.complaint.endswith("x.xml: cannot be written: No such file or directory")
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
