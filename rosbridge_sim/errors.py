@@ -92,6 +92,7 @@ class Reason(Enum):
     FAR_FRAME = "far_frame"
     LATE_TICK = "late_tick"
     # all other reasons
+    WARNING = "warning"  # the request was carried out, or its text says what was left out
     NOT_NOW = "not_now"
     REFUSED = "refused"
 

@@ -183,7 +183,7 @@ def test_status_during_an_op_is_recorded_with_that_op() -> None:
     second.notify("error", "later")
     second.explain("warning", "refused", Reason.PAUSED)
     assert [(each.reason, each.op) for each in noted] == [
-        (Reason.NOT_NOW, "advertise_service"),
+        (Reason.WARNING, "advertise_service"),
         (Reason.REFUSED, ""),
         (Reason.PAUSED, ""),
     ]

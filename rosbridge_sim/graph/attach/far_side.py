@@ -122,7 +122,7 @@ class FarSide:
         if level == "info":
             self.note_now(logging.INFO, f"a program there is told: [{level}] {text}")
         else:
-            self.note_mistake(Reason.REFUSED if level == "error" else Reason.NOT_NOW, text, op)
+            self.note_mistake(Reason.REFUSED if level == "error" else Reason.WARNING, text, op)
 
     def note_mistake(self, reason: Reason, text: object, op: ops.Op | None = None) -> None:
         """Report a mistake of a program there, in the log and on `/sim/refusals`.

@@ -158,7 +158,7 @@ class PeerBase:
         if level == "error":
             self.note(Reason.REFUSED, text, op)
         elif level != "info":
-            self.note(Reason.NOT_NOW, text, op)
+            self.note(Reason.WARNING, text, op)
 
     def remark(self, level: str, text: str, op_id: ops.Id = None) -> None:
         """Send a status frame on behalf of others. A failure of this client does not reach them.

@@ -150,7 +150,7 @@ class RefusalLog:
                 del self._kinds[key]
                 continue
             request = kind.last
-            more = f"{kind.num_unsaid:,} more refused ({request.reason.value}), the last one: {_line(request)}"
+            more = f"{kind.num_unsaid:,} more {_verb(request)} ({request.reason.value}), the last one: {_line(request)}"
             _log.warning("%s: %s", request.client, more, extra={"client": request.client})
             kind.until, kind.num_unsaid = now + REFUSALS_PERIOD, 0
 
@@ -182,7 +182,7 @@ class RefusalLog:
             del self._kinds[next(iter(self._kinds))]
         self._kinds[key] = _Kind(now + REFUSALS_PERIOD, request)
         text = f"{_line(request)} ({request.reason.value})"
-        _log.warning("%s: refused: %s", request.client, text, extra={"client": request.client})
+        _log.warning("%s: %s: %s", request.client, _verb(request), text, extra={"client": request.client})
         if self._timer is None:
             self._timer = self._loop.call_later(REFUSALS_PERIOD, self._end_periods)
 
@@ -213,6 +213,11 @@ def escape(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
     """
     shown = cut(text, max_length)
     return shown if shown.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown)
+
+
+def _verb(request: RefusedRequest) -> str:
+    """Return what was done with a request: one with a warning was not refused as a whole."""
+    return "warned" if request.reason is Reason.WARNING else "refused"
 
 
 def _line(request: RefusedRequest) -> str:

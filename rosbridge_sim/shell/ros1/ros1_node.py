@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from rosbridge_sim.errors import GraphError, PeerError
+from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService
 from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
@@ -171,6 +171,8 @@ class Ros1Node:
         """Leave the graph, within two seconds. A second call does nothing."""
         tasks, self._tasks = self._tasks - {asyncio.current_task()}, set()
         self._is_ending = True
+        if self._server is not None:
+            self._server.close()  # nodes connect anew as soon as they lose a topic
         self._is_changed.set()
         if tasks:  # a registration that is on its way must arrive before its end
             await asyncio.wait(tasks, timeout=LAST_CALL)
@@ -188,8 +190,6 @@ class Ros1Node:
                     with suppress(GraphError):
                         await self._ask("unsubscribeParam", self.uri, "/")
         self._api.stop()
-        if self._server is not None:
-            self._server.close()
         for writer in list(self._connections):
             writer.transport.abort()
 
@@ -634,7 +634,10 @@ class Ros1Node:
                 await self._serve_topic(header, node, reader, writer)
         except PeerError as error:
             text = f"a node is refused: {error}"
-            self._log.tell(text, key=_VALUES.sub("", text))
+            is_late = (
+                error.reason is Reason.UNKNOWN_TOPIC
+            )  # it connects anew, and does not know yet that the topic ended
+            self._log.tell(text, logging.INFO if is_late else logging.WARNING, _VALUES.sub("", text))
             with suppress(OSError):
                 writer.write(write_header({"error": str(error)}))
         except LOST:
@@ -650,7 +653,7 @@ class Ros1Node:
         topic = name_here(there, self._choices.namespace) or ""
         known = self._writers.get(topic)
         if known is None:
-            raise GraphError(f"{there[:200]!r} is not published here")
+            raise GraphError(f"{there[:200]!r} is not published here", reason=Reason.UNKNOWN_TOPIC)
         own = {"type": known.type.name, "md5sum": known.type.md5}
         if any(header.get(name, "*") not in {"*", value} for name, value in own.items()):
             raise GraphError(f"{topic}: {_misfit(known.type, header, node)}")

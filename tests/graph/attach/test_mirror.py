@@ -344,7 +344,7 @@ def test_refusals_of_programs_at_the_far_bridge_are_recorded(
 ) -> None:
     harness.receive({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}})
     told, _ = harness.noted
-    assert (told.reason, told.subject, told.text) == (Reason.NOT_NOW, "/pedal", "the pedal goes down only")
+    assert (told.reason, told.subject, told.text) == (Reason.WARNING, "/pedal", "the pedal goes down only")
     explain(harness.mirror, "warning", "another master", Reason.NOT_MASTER)
     harness.mirror.notify("error", "lost")
     assert [(each.reason, each.op) for each in harness.noted[2:]] == [(Reason.NOT_MASTER, ""), (Reason.REFUSED, "")]

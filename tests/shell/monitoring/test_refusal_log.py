@@ -63,6 +63,17 @@ async def test_first_refusal_is_logged_and_the_rest_of_a_period_summarised(
     assert all(record.__dict__["client"] == "1.2.3.4:5" for record in caplog.records)
 
 
+async def test_request_that_was_carried_out_with_a_warning_is_not_called_refused(
+    account: RefusalLog, caplog: pytest.LogCaptureFixture
+) -> None:
+    for _ in range(3):
+        account.note(WRONG._replace(reason=Reason.WARNING, text="nothing to load"))
+    account.flush(REFUSALS_PERIOD)
+    first, rest = lines(caplog)
+    assert first == "1.2.3.4:5: warned: publish /ctrl_cmd: nothing to load (warning)"
+    assert rest.startswith("1.2.3.4:5: 2 more warned (warning)")
+
+
 async def test_refusal_after_a_quiet_period_is_logged_again(
     account: RefusalLog, clock: Clock, caplog: pytest.LogCaptureFixture
 ) -> None:

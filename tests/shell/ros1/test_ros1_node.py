@@ -7,6 +7,7 @@ import hashlib
 import json
 import logging
 from collections.abc import AsyncIterator, Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -277,6 +278,28 @@ async def test_the_end_of_a_server_leaves_nothing_at_the_master(joined: Joined) 
     await joined.sim.stop()
     assert not joined.master.services
     assert not any(NAME in nodes for topics in joined.master.kinds.values() for nodes in topics.values())
+
+
+async def test_a_node_that_connects_anew_during_the_end_gives_no_warning(
+    joined: Joined, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As /rosout of roscore does for each publisher that it loses."""
+    caplog.set_level(logging.WARNING)
+    await joined.client.send("advertise", topic="/words", type="std_msgs/String")
+    await joined.registered("/words")
+    _, (reader, _) = await joined.node.subscribe("/words")
+    _, host, port = await call(joined.uri, "requestTopic", "/planner", "/words", [["TCPROS"]])
+    fields = {"topic": "/words", "type": "*", "md5sum": "*"}
+    await joined.client.send("unadvertise", topic="/words")
+    assert await reader.read() == b""
+    header, _ = await joined.node.connect(host, port, fields)
+    assert header == {"error": "'/words' is not published here"}
+    end = asyncio.create_task(joined.sim.stop())
+    await asyncio.sleep(0)
+    with suppress(OSError, asyncio.IncompleteReadError):
+        await joined.node.connect(host, port, fields)
+    await end
+    assert caplog.records == []
 
 
 async def test_a_stranger_cannot_shut_the_node_down_and_a_namesake_can(
