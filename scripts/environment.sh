@@ -147,7 +147,7 @@ ensure_rclpy() {
 ensure_ros1() {
     local package
     for package in python3-rospy python3-roslaunch python3-rosnode python3-rostopic python3-rosservice python3-rosparam \
-        python3-std-srvs python3-sensor-msgs libroscpp-dev libstd-srvs-dev; do
+        python3-std-srvs python3-sensor-msgs python3-nav-msgs libroscpp-dev libstd-srvs-dev; do
         ensure_debian "$package" 'the tests with nodes of ROS 1' dpkg -s "$package"
     done
 }

@@ -18,17 +18,20 @@ from typing import Any, NamedTuple
 import pytest
 
 from rosbridge_sim import Simulator
+from rosbridge_sim.client import Client as SyncClient
 from rosbridge_sim.schema.definitions.md5 import service_md5
 from rosbridge_sim.schema.definitions.typedefs import full_text
 from rosbridge_sim.schema.message import Message
-from tests.graph.bus_fixture import make_store
+from tests.graph.bus_fixture import SCHEMAS, make_store
 from tests.graph.participants import Somebody
 from tests.shell.ros1.small_ros1 import until
-from tests.support import PATIENCE, Client, ServerProcess, miss
+from tests.support import PATIENCE, ROOT, Client, ServerProcess, miss
 
 PYTHON = "/usr/bin/python3"
 HERE = Path(__file__).parent
 NODE = HERE / "node_of_ros1.py"
+PLANNER = ROOT / "scripts" / "examples" / "plan_ros1.py"
+MORAI_MSGS = SCHEMAS / "morai_msgs" / "22.R2"
 MESSAGES = ("morai_msgs/EgoVehicleStatus",)
 SERVICES = ("MoraiSyncModeCmdSrv", "MoraiWaitForTickSrv", "MoraiSyncModeCtrlCmdSrv")
 LIBRARIES = ("roscpp", "rosconsole", "roscpp_serialization", "rostime", "xmlrpcpp", "cpp_common", "boost_system")
@@ -165,6 +168,50 @@ async def test_a_rospy_program_drives_in_synchronous_mode_until_it_is_killed(ser
         await client.message_where("/SyncModeInfo", lambda info: bool(info["status"]))
         await client.message_where("/SyncModeInfo", lambda info: not info["status"])
     assert "node /planner has gone" in (ros.folder / "log").read_text()
+
+
+def build_morai_msgs(ros: Ros) -> Mapping[str, str]:
+    """The variables for programs that import `morai_msgs`, which genpy makes as a catkin workspace does."""
+    folders = {name: SCHEMAS / name for name in ("std_msgs", "geometry_msgs")} | {"morai_msgs": MORAI_MSGS}
+    includes = [f"-I{name}:{folder / 'msg'}" for name, folder in folders.items()]
+    for kind in ("msg", "srv"):
+        out = ros.folder / "python" / "morai_msgs" / kind
+        out.mkdir(parents=True)
+        make = (PYTHON, f"/usr/lib/genpy/gen{kind}_py.py", "-p", "morai_msgs", "-o", out)
+        ros.run(*make, *includes, *sorted((MORAI_MSGS / kind).glob(f"*.{kind}")))
+        ros.run(*make, "--initpy")
+    (out.parent / "__init__.py").touch()
+    return {**ros.env, "PYTHONPATH": str(out.parents[1])}
+
+
+def test_the_planner_of_the_examples_overtakes_in_rospy(ros: Ros, core: subprocess.Popen[bytes]) -> None:
+    assert core.poll() is None
+    flags = ["--ros1-master", "env", "--stamps", "sim", "--scenario", "loop", "--start", "sync"]
+    env = build_morai_msgs(ros)
+    server = ServerProcess(ros.folder / "log", flags, dict(ros.env))
+    with SyncClient(server.url, timeout=PATIENCE) as client:
+        lanes = {lane["link"]: lane for lane in client.map()["lanes"]}
+        link = client.nearest_lane(60.0, -3.5)["link"]  # of the car
+        points: list[tuple[float, float]] = []
+        while len(points) < 2_000:
+            points += list(zip(lanes[link]["x"], lanes[link]["y"], strict=True))[:-1]
+            link = lanes[link]["successors"][0]
+        path = ros.folder / "path.txt"
+        path.write_text("".join(f"{x} {y} 0\n" for x, y in points))
+        plans = client.subscribe("/plan/path", "nav_msgs/Path", keep=1_000)
+        client.score(reset=True)
+        command = (PYTHON, PLANNER, "--path", path, "--seconds", "60", "--speed-kmh", "100")
+        told = ros._replace(env=env).run(*command)
+        client.confirm()
+        found = plans.take()
+        (score,) = client.score()
+    server.stop_cleanly()
+    matched = re.search(r"drove 60 s, (\d+) lane changes, now at (\d+) km/h", told)
+    assert matched is not None, told
+    assert (int(matched[1]) >= 1, int(matched[2]) > 80) == (True, True)
+    assert (score["collisions"], score["off_road_time"], score["distance"] > 1_300.0) == (0, 0.0, True)
+    assert len(found) > 250  # of 300: a publisher of rospy loses those before it is connected
+    assert all(len(one["poses"]) == 40 and one["header"]["frame_id"] == "map" for one in found)
 
 
 @pytest.mark.parametrize("kind", ["raw", "jpeg"])
