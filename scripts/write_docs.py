@@ -28,6 +28,7 @@ from scripts.docs_pages.environments import write_environments  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
 from scripts.docs_pages.learning_curve import draw_learning_curve  # noqa: E402
+from scripts.docs_pages.mock import write_mock  # noqa: E402
 from scripts.docs_pages.options import write_options  # noqa: E402
 from scripts.docs_pages.rooms import PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
@@ -40,6 +41,7 @@ GENERATED: Final[dict[str, Callable[[], str]]] = {
     "reference/flags.md": write_flags,
     "../rosbridge_sim/shell/config/options.py": write_options,
     "reference/campaigns.md": write_campaigns,
+    "reference/mock.md": write_mock,
     "reference/environments.md": write_environments,
     "reference/fields_22.md": lambda: write_fields("22.R2"),
     "reference/fields_26.md": lambda: write_fields("26.R1"),

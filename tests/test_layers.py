@@ -66,6 +66,7 @@ documents: *
 document_mistakes: * documents
 document_reading: * document_mistakes documents not_json
 xml_documents: *
+yaml_reading: * documents
 maps: * document_reading documents units world.geometry world.roads world.state
 scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
@@ -107,6 +108,8 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
 campaigns: * document_reading documents expressions world.geometry world.state
 # the checks of a rosbridge, without sockets
 doctor: *
+# mocks of robots, without sockets and files
+mock: * document_reading documents expressions schema schema.definitions yaml_reading
 # outside
 link: * protocol
 client: * link protocol
@@ -115,6 +118,7 @@ shell.clocks: * graph
 shell.files: * document_reading documents maps morai scenarios schema schema.definitions shell.config simulator.bus
     simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
+shell.mocking: * mock schema shell.bags shell.files yaml_reading
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
@@ -142,6 +146,7 @@ cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema 
     shell.config shell.files shell.page shell.ros1 shell.ros2
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
     world.geometry world.roads world.state
+cli.mock: * cli.tools link mock shell.mocking
 cli.campaigns: * campaign_runs campaigns cli.tools
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket
@@ -200,6 +205,8 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "suggestions": set(),
     "expressions": set(),
     "doctor": {"cbor2", "PIL"},
+    "mock": {"msgspec", "numpy"},
+    "yaml_reading": {"ruamel"},
     "campaigns": {"msgspec", "numpy"},
     "not_json": set(),
     "units": set(),

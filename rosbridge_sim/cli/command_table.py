@@ -15,6 +15,7 @@ _PLACES = {
     "bag_commands": ("bag", "record"),
     "campaign_commands": ("campaign",),
     "doctor_command": ("doctor",),
+    "mock_command": ("mock",),
     "ros1_commands": ("ros1",),
     "ros2_commands": ("ros2",),
     "simulator_commands": ("sync", "tick", "step", "score", "snapshot", "restore", "spawn", "sensor"),

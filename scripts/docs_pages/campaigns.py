@@ -129,7 +129,7 @@ def write_campaigns() -> str:
     parts = [_HEAD]
     for title, kind in _TABLES:
         parts.append(f"\n## {title}\n\n| key | default | meaning |\n|---|---|---|\n")
-        parts += [_row(field, fields_of(kind)[field.encode_name]) for field in msgspec.structs.fields(kind)]
+        parts += [row_of(field, fields_of(kind)[field.encode_name]) for field in msgspec.structs.fields(kind)]
     lists = {
         "functions": FUNCTIONS,
         "figures": FIGURES,
@@ -144,9 +144,10 @@ def write_campaigns() -> str:
     return "".join(parts)
 
 
-def _row(field: msgspec.structs.FieldInfo, form: Any) -> str:  # noqa: ANN401 - a type form
+def row_of(field: msgspec.structs.FieldInfo, form: Any) -> str:  # noqa: ANN401 - a type form
     """Return the row of a key."""
-    plain, *marks = get_args(form)
+    plain, *marks = get_args(form) or (form,)
+    meaning = next((mark.description for mark in reversed(marks) if mark.description), "")
     if field.required:
         default = "required"
     elif field.name == "drivers":
@@ -157,4 +158,4 @@ def _row(field: msgspec.structs.FieldInfo, form: Any) -> str:  # noqa: ANN401 - 
         default = "none" if field.default is None else ""
     choices = [str(value) for value in get_args(plain) if isinstance(value, str)]
     choice = f" ({', '.join(f'`{value}`' for value in choices)})" if len(choices) > 1 else ""
-    return f"| `{field.encode_name}` | {default} | {marks[-1].description}{choice} |\n"
+    return f"| `{field.encode_name}` | {default} | {meaning}{choice} |\n"

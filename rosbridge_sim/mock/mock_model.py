@@ -1,0 +1,300 @@
+"""The file of a mock, key by key: topics, services, actions, parameters, transforms, recordings, faults.
+
+`schemas/mock.schema.json` is generated from this module. Values of messages are kept as they are written here;
+`mock_plan.py` compiles them, because their fields are those of message types.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Final, Literal
+
+from msgspec import Meta, field
+
+from rosbridge_sim.document_reading import check_values, document_schema
+from rosbridge_sim.documents import DocumentType, KeptAsWritten, Mistake, Table
+from rosbridge_sim.yaml_reading import YamlDocument
+
+MAX_THINGS: Final = 2_000
+"""Most topics, services, actions, parameters and transforms each."""
+
+MAX_TOPIC_RATE: Final = 1_000.0
+"""Greatest rate of a topic [Hz]."""
+
+MAX_SECONDS: Final = 86_400.0
+"""Longest time in a mock's file [s]."""
+
+_NAME: Final = re.compile(r"/?[A-Za-z_][\w/]{0,254}")
+_PLAIN_NAME: Final = re.compile(r"[\w-]{1,60}")
+
+
+def _check_name(value: str) -> None:
+    if not _NAME.fullmatch(value):
+        raise ValueError("expected a name such as /odom: letters, digits, _ and /")
+
+
+def _check_plain_name(value: str) -> None:
+    if not _PLAIN_NAME.fullmatch(value):
+        raise ValueError("expected a name such as slow_scan: letters, digits, _ and -")
+
+
+def _check_path(value: str) -> None:
+    if not value or value.startswith(("/", "\\")) or ":" in value or ".." in re.split(r"[/\\]", value):
+        raise ValueError("expected a file in the folder of the mock's file, or below it")
+
+
+_Name = Annotated[str, Meta(extra={"check": _check_name})]
+_PlainName = Annotated[str, Meta(extra={"check": _check_plain_name})]
+_TypeName = Annotated[str, Meta(max_length=256, description="type, such as `nav_msgs/Odometry`")]
+_Pattern = Annotated[str, Meta(max_length=256)]
+_Text = Annotated[str, Meta(max_length=500)]
+_Rate = Annotated[float, Meta(gt=0.0, le=MAX_TOPIC_RATE)]
+_Seconds = Annotated[float, Meta(ge=0.0, le=MAX_SECONDS)]
+_Duration = Annotated[float, Meta(ge=0.001, le=MAX_SECONDS)]
+_Number = Annotated[float, Meta(ge=-1e15, le=1e15)]
+
+MockPath = Annotated[str, Meta(max_length=500, extra={"check": _check_path})]
+"""A file in the folder of the mock's file, or below it: a file of a stranger cannot publish other files."""
+
+
+class SinePattern(Table, frozen=True, kw_only=True):
+    """`offset + amplitude * sin(2 pi time / period + phase)`."""
+
+    amplitude: _Number = 1.0
+    period: Annotated[_Duration, Meta(description="[s]")] = 1.0
+    offset: _Number = 0.0
+    phase: Annotated[_Number, Meta(description="[rad]")] = 0.0
+
+
+class RampPattern(Table, frozen=True, kw_only=True):
+    """From `start` to `end` in `seconds`, then again from `start`, or staying at `end`."""
+
+    start: _Number = 0.0
+    end: _Number = 1.0
+    seconds: Annotated[_Duration, Meta(description="[s]")] = 1.0
+    repeat: bool = True
+
+
+class WalkPattern(Table, frozen=True, kw_only=True):
+    """From `start`, with a step of normal distribution for each message; the bounds reflect it."""
+
+    start: _Number = 0.0
+    step: Annotated[float, Meta(gt=0.0, le=1e9, description="standard deviation of a step")] = 1.0
+    low: _Number | None = None
+    high: _Number | None = None
+
+    def __post_init__(self) -> None:
+        """Check that the bounds fit."""
+        if (self.low is None) != (self.high is None):
+            raise ValueError("expected low and high, or neither")
+        if self.low is not None and self.high is not None and not self.low <= self.start <= self.high > self.low:
+            raise ValueError("expected low <= start <= high, and low < high")
+
+
+class CounterPattern(Table, frozen=True, kw_only=True):
+    """`start`, and `step` more with each message; behind `end` again from `start`."""
+
+    start: Annotated[int, Meta(ge=-(2**53), le=2**53)] = 0
+    step: Annotated[int, Meta(ge=-(2**31), le=2**31)] = 1
+    end: Annotated[int | None, Meta(ge=-(2**53), le=2**53)] = None
+
+    def __post_init__(self) -> None:
+        """Check that the end can be reached."""
+        if self.end is not None and (not self.step or (self.end - self.start) * self.step < 0):
+            raise ValueError("expected an end that the steps reach from start")
+
+
+class CsvPattern(Table, frozen=True, kw_only=True):
+    """The values of a column of a CSV file, a row for each message, and again from the first one."""
+
+    file: MockPath
+    column: Annotated[_Text, Meta(description="its name in the first line")]
+
+
+PatternName = Literal["$sine", "$ramp", "$random_walk", "$counter", "$list", "$file", "$csv", "$expression"]
+
+PATTERN_OPTIONS: Final[dict[str, DocumentType[Any]]] = {
+    "$sine": DocumentType(SinePattern),
+    "$ramp": DocumentType(RampPattern),
+    "$random_walk": DocumentType(WalkPattern),
+    "$counter": DocumentType(CounterPattern),
+    "$list": DocumentType(Annotated[list[Any], Meta(min_length=1, max_length=100_000)]),
+    "$file": DocumentType(MockPath),
+    "$csv": DocumentType(CsvPattern),
+    "$expression": DocumentType(_Text),
+}
+"""Key of a pattern -> form of what stands behind it."""
+
+
+class MockTopic(Table, frozen=True, kw_only=True):
+    """A topic that the mock publishes."""
+
+    type: _TypeName
+    rate: Annotated[_Rate | None, Meta(description="[Hz]; none: one message, latched")] = None
+    value: Annotated[
+        KeptAsWritten, Meta(description="fields of the message: constants and patterns; others have their defaults")
+    ] = None
+    latch: Annotated[bool, Meta(description="late subscribers get the last message")] = False
+
+
+class MockAnswer(Table, frozen=True, kw_only=True):
+    """An answer of a service. The first one whose `when` fits the request is given."""
+
+    when: Annotated[
+        KeptAsWritten,
+        Meta(description="fields that the request must have, or an expression over its fields; none: always"),
+    ] = None
+    value: Annotated[KeptAsWritten, Meta(description="fields of the response, as of a topic")] = None
+    delay: Annotated[_Seconds, Meta(description="[s]")] = 0.0
+    fail: Annotated[_Text | None, Meta(description="fail with this text; there is no value then")] = None
+
+
+class MockService(Table, frozen=True, kw_only=True):
+    """A service that the mock offers."""
+
+    type: _TypeName
+    answers: Annotated[list[MockAnswer], Meta(max_length=100, description="none: a response of defaults, at once")] = (
+        field(default_factory=list)
+    )
+
+
+class MockGoal(Table, frozen=True, kw_only=True):
+    """The course of a goal. The first one whose `when` fits the goal is taken."""
+
+    when: Annotated[KeptAsWritten, Meta(description="as of an answer of a service")] = None
+    duration: Annotated[_Seconds, Meta(description="until the result [s]")] = 1.0
+    feedback: Annotated[KeptAsWritten, Meta(description="fields of the feedback; none: no feedback")] = None
+    feedback_rate: Annotated[_Rate, Meta(description="[Hz]")] = 1.0
+    outcome: Annotated[Literal["succeeded", "aborted", "canceled", "rejected"], Meta(description="end of the goal")] = (
+        "succeeded"
+    )
+    result: Annotated[KeptAsWritten, Meta(description="fields of the result")] = None
+
+
+class MockAction(Table, frozen=True, kw_only=True):
+    """An action that the mock offers. A goal that is cancelled ends as canceled."""
+
+    type: _TypeName
+    goals: Annotated[
+        list[MockGoal], Meta(max_length=100, description="none: success after a second, with a result of defaults")
+    ] = field(default_factory=list)
+
+
+class MockTransform(Table, frozen=True, kw_only=True):
+    """A transform of a tree of frames. Each number may be a pattern."""
+
+    parent: _Text
+    child: _Text
+    rate: Annotated[_Rate | None, Meta(description="on /tf [Hz]; none: on /tf_static")] = None
+    x: Annotated[KeptAsWritten, Meta(description="[m]")] = 0.0
+    y: Annotated[KeptAsWritten, Meta(description="[m]")] = 0.0
+    z: Annotated[KeptAsWritten, Meta(description="[m]")] = 0.0
+    roll: Annotated[KeptAsWritten, Meta(description="[rad]")] = 0.0
+    pitch: Annotated[KeptAsWritten, Meta(description="[rad]")] = 0.0
+    yaw: Annotated[KeptAsWritten, Meta(description="[rad]")] = 0.0
+
+
+class MockRecording(Table, frozen=True, kw_only=True):
+    """A bag or MCAP file that is played in a loop, with new stamps. Topics of `topics` take precedence."""
+
+    file: MockPath
+    topics: Annotated[list[_Pattern], Meta(max_length=100, description="patterns such as `/camera/*`; none: all")] = (
+        field(default_factory=list)
+    )
+    speed: Annotated[float, Meta(ge=0.01, le=100.0, description="factor")] = 1.0
+
+
+FaultKind = Literal["delay", "drop", "duplicate", "freeze", "wrong_type", "nan", "slow", "fail", "close"]
+
+
+class MockFault(Table, frozen=True, kw_only=True):
+    """A fault of the wire to clients."""
+
+    kind: Annotated[FaultKind, Meta(description="see the table of kinds")]
+    topics: Annotated[
+        list[_Pattern], Meta(max_length=100, description="patterns of topics, of all kinds for topics; none: all")
+    ] = field(default_factory=list)
+    services: Annotated[
+        list[_Pattern], Meta(max_length=100, description="patterns of services, of `slow` and `fail`; none: all")
+    ] = field(default_factory=list)
+    probability: Annotated[float, Meta(ge=0.0, le=1.0, description="for each message or call")] = 1.0
+    seconds: Annotated[
+        Annotated[float, Meta(ge=0.0, le=600.0)], Meta(description="delay of `delay` and `slow` [s]")
+    ] = 0.5
+    jitter: Annotated[
+        Annotated[float, Meta(ge=0.0, le=600.0)],
+        Meta(description="delays are even within `seconds` +- `jitter` [s]"),
+    ] = 0.0
+    text: Annotated[_Text, Meta(description="of `fail`, and the reason of `close`")] = "a fault of the mock"
+    code: Annotated[
+        int, Meta(ge=1000, le=4999, description="of `close`; 1006 cuts the connection without a close frame")
+    ] = 1011
+    every: Annotated[_Duration | None, Meta(description="time between two `close` [s]; none: once")] = None
+    start: Annotated[_Seconds, Meta(description="time after the start of the mock [s]")] = 0.0
+    end: Annotated[_Seconds | None, Meta(description="the same; none: for ever")] = None
+    on: Annotated[bool, Meta(description="false: off until it is switched on")] = True
+
+    def __post_init__(self) -> None:
+        """Check that the times fit."""
+        if self.end is not None and self.end <= self.start:
+            raise ValueError("expected start < end")
+        if self.code in {1004, 1005} or MAX_CODE < self.code < MIN_OWN_CODE:
+            raise ValueError("expected a code that a close frame may have: 1000 to 1014, or 3000 to 4999")
+
+
+MAX_CODE: Final = 1_014
+"""Greatest close code of the protocol itself that a frame may have."""
+
+MIN_OWN_CODE: Final = 3_000
+"""Least close code of applications."""
+
+
+class MockDocument(Table, frozen=True, kw_only=True):
+    """A mock of a robot."""
+
+    node: Annotated[_Name, Meta(description="name of its node")] = "/mock"
+    seed: Annotated[int, Meta(ge=0, le=2**32 - 1, description="of random walks and faults")] = 0
+    topics: Annotated[dict[_Name, MockTopic], Meta(max_length=MAX_THINGS, description="that it publishes, by name")] = (
+        field(default_factory=dict)
+    )
+    subscribers: Annotated[
+        dict[_Name, _TypeName],
+        Meta(max_length=MAX_THINGS, description="topics that it subscribes to -> type; expressions may read them"),
+    ] = field(default_factory=dict)
+    services: Annotated[dict[_Name, MockService], Meta(max_length=MAX_THINGS, description="by name")] = field(
+        default_factory=dict
+    )
+    actions: Annotated[dict[_Name, MockAction], Meta(max_length=MAX_THINGS, description="by name")] = field(
+        default_factory=dict
+    )
+    parameters: Annotated[
+        dict[str, KeptAsWritten], Meta(max_length=MAX_THINGS, description="by name: any values of JSON")
+    ] = field(default_factory=dict)
+    transforms: Annotated[list[MockTransform], Meta(max_length=MAX_THINGS, description="trees of /tf")] = field(
+        default_factory=list
+    )
+    recordings: Annotated[list[MockRecording], Meta(max_length=20, description="files to play")] = field(
+        default_factory=list
+    )
+    faults: Annotated[dict[_PlainName, MockFault], Meta(max_length=100, description="by name")] = field(
+        default_factory=dict
+    )
+
+
+_DOCUMENT: Final = DocumentType[MockDocument](MockDocument)
+_FAULT: Final = DocumentType[MockFault](MockFault)
+
+
+def check_document(document: YamlDocument) -> tuple[MockDocument | None, list[Mistake]]:
+    """Return the model of a mock's file, or None and its mistakes, each with file and line; see `check_values`."""
+    return check_values(_DOCUMENT, {} if document.value is None else document.value, document.where)
+
+
+def check_fault(document: YamlDocument) -> tuple[MockFault | None, list[Mistake]]:
+    """Return a fault that was written by itself, or None and its mistakes."""
+    return check_values(_FAULT, document.value, document.where)
+
+
+def mock_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of mocks' files."""
+    return document_schema(_DOCUMENT)

@@ -1,0 +1,345 @@
+"""A mock's file compiled for the message types of a server: what is sent when, and all mistakes with their lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, Final, TypeVar
+
+from rosbridge_sim.documents import Mistake, Place
+from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.mock.message_maker import MessageMaker, fits
+from rosbridge_sim.mock.mock_model import MockDocument, MockRecording, MockTransform, check_document
+from rosbridge_sim.mock.recorded_topics import RecordedFile
+from rosbridge_sim.mock.value_patterns import SECOND_NS, ConstantPart, MessageTime, Part
+from rosbridge_sim.records import Record
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.yaml_reading import YamlDocument
+
+T = TypeVar("T")
+
+MAX_MESSAGES: Final = 100_000.0
+"""Most messages of all topics together [Hz]: several times what one core can make."""
+
+
+class TopicPlan(Record):
+    """A topic of a mock.
+
+    Attributes:
+        period_ns: time between two messages [ns]; None for a single one.
+        reads: topics whose last messages its expressions read.
+    """
+
+    name: str
+    type: MessageType
+    period_ns: int | None
+    is_latching: bool
+    make: Part
+    reads: frozenset[str] = frozenset()
+
+
+class AnswerPlan(Record):
+    """An answer of a service.
+
+    Attributes:
+        make: makes the response; None to fail with `fail`.
+    """
+
+    fits: Callable[[Any], bool]
+    make: Part | None
+    delay_ns: int
+    fail: str
+
+
+class GoalPlan(Record):
+    """The course of a goal; `feedback` is None without feedback."""
+
+    fits: Callable[[Any], bool]
+    duration_ns: int
+    feedback: Part | None
+    feedback_ns: int
+    outcome: str
+    result: Part
+
+
+class MockPlan(Record):
+    """All that a mock does.
+
+    Attributes:
+        latest: topic -> its last message, for expressions; changes while the mock runs.
+        services, actions: type name, and answers or courses, by absolute name.
+    """
+
+    document: MockDocument
+    topics: tuple[TopicPlan, ...]
+    recordings: tuple[RecordedFile, ...]
+    subscribers: Mapping[str, str]
+    services: Mapping[str, tuple[str, tuple[AnswerPlan, ...]]]
+    actions: Mapping[str, tuple[str, tuple[GoalPlan, ...]]]
+    latest: dict[str, Struct]
+
+
+class MockFiles:
+    """Reads the files that a mock's file names; this one has none."""
+
+    def read(self, path: str) -> bytes:
+        """Return the content of a file.
+
+        Raises:
+            DocumentError: it cannot be read.
+        """
+        raise DocumentError(f"{path}: expected no files here")
+
+    def record(self, recording: MockRecording, others: Collection[str]) -> RecordedFile:
+        """Return the messages of a bag.
+
+        Args:
+            others: topics that are left out.
+
+        Raises:
+            DocumentError: it cannot be read, or has none of the topics.
+        """
+        raise DocumentError(f"{recording.file}: expected no files here, and none without {len(others)} topics")
+
+
+def plan_mock(
+    document: YamlDocument, store: Store, files: MockFiles, tell: Callable[[str], None]
+) -> tuple[MockPlan | None, list[Mistake]]:
+    """Return the plan of a mock's file, or None and its mistakes.
+
+    Args:
+        store: the message types of the server.
+        tell: gets each mistake that an expression makes while the mock runs, once.
+    """
+    mock, mistakes = check_document(document)
+    if mock is None:
+        return None, mistakes
+    planner = _Planner(mock, document, store, files, tell)
+    plan = planner.plan()
+    mistakes = sorted(planner.mistakes, key=lambda mistake: document.line(mistake.place))
+    return (None, mistakes) if mistakes else (plan, [])
+
+
+def absolute(name: str) -> str:
+    """Return a name with its slash."""
+    return name if name.startswith("/") else f"/{name}"
+
+
+class _Planner:
+    """Compiles one file."""
+
+    def __init__(
+        self, mock: MockDocument, document: YamlDocument, store: Store, files: MockFiles, tell: Callable[[str], None]
+    ) -> None:
+        self.mistakes: list[Mistake] = []
+        self._mock, self._document, self._store, self._files = mock, document, store, files
+        self._types: dict[str, MessageType] = {}
+        self._maker = MessageMaker(document.where, self._types, files.read, tell, mock.seed)
+        self._maker.mistakes = self.mistakes
+
+    def plan(self) -> MockPlan:
+        """Return the plan; it is of no use if there are mistakes."""
+        mock = self._mock
+        self._check_names()
+        subscribers = {absolute(name): type_name for name, type_name in mock.subscribers.items()}
+        for name, type_name in mock.subscribers.items():
+            self._know(name, type_name, ("subscribers", name))
+        for name, topic in mock.topics.items():
+            self._know(name, topic.type, ("topics", name, "type"))
+        recordings = self._recordings()
+        self._check_rates()
+        return MockPlan(
+            mock,
+            (*self._topics(), *self._transforms()),
+            recordings,
+            subscribers,
+            {absolute(name): (each.type, self._answers(name)) for name, each in mock.services.items()},
+            {absolute(name): (each.type, self._goals(name)) for name, each in mock.actions.items()},
+            self._maker.latest,
+        )
+
+    def _check_names(self) -> None:
+        """Note names that differ by a slash alone, and names that the mock needs itself."""
+        mock = self._mock
+        for key, things in (("topics", mock.topics), ("services", mock.services), ("actions", mock.actions)):
+            seen: set[str] = set()
+            for name in things:
+                if absolute(name) in seen or absolute(name).startswith("/mock/"):
+                    why = (
+                        "the mock's own names begin with /mock/" if absolute(name) not in seen else "it is there twice"
+                    )
+                    self._maker.note((key, name), f"expected another name: {why}")
+                seen.add(absolute(name))
+
+    def _check_rates(self) -> None:
+        total = sum(topic.rate or 0.0 for topic in self._mock.topics.values())
+        if total > MAX_MESSAGES:
+            self._maker.note(("topics",), f"expected at most {MAX_MESSAGES:,.0f} messages a second, got {total:,.0f}")
+
+    def _know(self, name: str, type_name: str, place: Place) -> None:
+        found = self._type(self._store.message, type_name, place)
+        if found is not None:
+            self._types[absolute(name)] = found
+
+    def _type(self, find: Callable[[str], T], name: str, place: Place) -> T | None:
+        """Return a type, or note why there is none."""
+        try:
+            return find(name)
+        except PeerError as error:
+            self._maker.note(place, str(error))
+            return None
+
+    # Topics
+
+    def _topics(self) -> list[TopicPlan]:
+        plans = []
+        for name, topic in self._mock.topics.items():
+            message_type = self._types.get(absolute(name))
+            if message_type is None:
+                continue
+            make = self._maker.message(message_type, topic.value, ("topics", name, "value"))
+            period_ns = None if topic.rate is None else round(SECOND_NS / topic.rate)
+            is_latching = topic.latch or period_ns is None
+            reads = frozenset(self._maker.reads)
+            plans.append(TopicPlan(absolute(name), message_type, period_ns, is_latching, make, reads))
+        return plans
+
+    def _transforms(self) -> list[TopicPlan]:
+        """Return a topic for each rate, /tf_static for those without one."""
+        transforms = self._mock.transforms
+        if not transforms:
+            return []
+        message_type, one = (
+            self._store.message("tf2_msgs/TFMessage"),
+            self._store.message("geometry_msgs/TransformStamped"),
+        )
+        plans = []
+        for rate in dict.fromkeys(each.rate for each in transforms):
+            parts: list[Part] = []
+            reads: set[str] = set()
+            for i, each in enumerate(transforms):
+                if each.rate == rate:
+                    parts.append(self._transform(one, each, ("transforms", i)))
+                    reads |= self._maker.reads
+            name, period_ns = ("/tf_static", None) if rate is None else ("/tf", round(SECOND_NS / rate))
+            make = _message_of(message_type, parts)
+            plans.append(TopicPlan(name, message_type, period_ns, period_ns is None, make, frozenset(reads)))
+        return plans
+
+    def _transform(self, message_type: MessageType, each: MockTransform, place: Place) -> Part:
+        """Return a transform, whose rotation comes from angles."""
+        angles = self._store.message("geometry_msgs/Vector3")
+        rotation = {"x": each.roll, "y": each.pitch, "z": each.yaw}
+        turn = self._maker.message(angles, rotation, place)
+        reads = set(self._maker.reads)
+        tree = {
+            "header": {"frame_id": each.parent},
+            "child_frame_id": each.child,
+            "transform": {"translation": {"x": each.x, "y": each.y, "z": each.z}},
+        }
+        make = self._maker.message(message_type, tree, place)
+        self._maker.reads |= reads
+        quaternion_type = self._store.message("geometry_msgs/Quaternion").struct_type
+
+        def transform(moment: MessageTime) -> Struct:
+            value, angle = make(moment), turn(moment)
+            inner = value.transform.__copy__()
+            inner.rotation = quaternion_type(*_quaternion(angle.x, angle.y, angle.z))
+            value.transform = inner
+            return value
+
+        return transform
+
+    def _recordings(self) -> tuple[RecordedFile, ...]:
+        found = []
+        for i, recording in enumerate(self._mock.recordings):
+            try:
+                chosen = self._files.record(recording, self._types.keys())
+            except DocumentError as error:
+                self._maker.note(("recordings", i), str(error))
+                continue
+            for track in chosen.tracks:
+                self._know(track.name, track.type_name, ("recordings", i))
+            found.append(chosen)
+        return tuple(found)
+
+    # Services and actions
+
+    def _answers(self, name: str) -> tuple[AnswerPlan, ...]:
+        service = self._mock.services[name]
+        found = self._type(self._store.service, service.type, ("services", name, "type"))
+        if found is None:
+            return ()
+        plans = []
+        for i, answer in enumerate(service.answers):
+            place = ("services", name, "answers", i)
+            make = None
+            if answer.fail is None:
+                make = self._maker.message(found.response, answer.value, (*place, "value"), found.request)
+            elif answer.value is not None:
+                self._maker.note(place, "expected value or fail, got both")
+            test = self._fits(found.request, answer.when, (*place, "when"))
+            plans.append(AnswerPlan(test, make, round(answer.delay * SECOND_NS), answer.fail or ""))
+        return tuple(plans) or (AnswerPlan(_always, self._maker.message(found.response, None, ()), 0, ""),)
+
+    def _goals(self, name: str) -> tuple[GoalPlan, ...]:
+        action = self._mock.actions[name]
+        found = self._type(self._store.action, action.type, ("actions", name, "type"))
+        if found is None:
+            return ()
+        plans = []
+        for i, goal in enumerate(action.goals):
+            place = ("actions", name, "goals", i)
+            feedback = None
+            if goal.feedback is not None:
+                feedback = self._maker.message(found.feedback, goal.feedback, (*place, "feedback"), found.goal)
+            plans.append(
+                GoalPlan(
+                    self._fits(found.goal, goal.when, (*place, "when")),
+                    round(goal.duration * SECOND_NS),
+                    feedback,
+                    round(SECOND_NS / goal.feedback_rate),
+                    goal.outcome,
+                    self._maker.message(found.result, goal.result, (*place, "result"), found.goal),
+                )
+            )
+        usual = GoalPlan(_always, SECOND_NS, None, SECOND_NS, "succeeded", self._maker.message(found.result, None, ()))
+        return tuple(plans) or (usual,)
+
+    def _fits(self, request: MessageType, when: object, place: Place) -> Callable[[Any], bool]:
+        """Return a function that tells whether an answer is for a request."""
+        if when is None:
+            return _always
+        if isinstance(when, str):
+            return self._maker.condition(when, request, place)
+        num = len(self.mistakes)
+        made = self._maker.message(request, when, place)
+        if len(self.mistakes) > num or not isinstance(when, dict):
+            return _always
+        if not isinstance(made, ConstantPart) and "$" in repr(when):
+            self._maker.note(place, "expected constants, or an expression such as 'a > 3'")
+            return _always
+        return fits(request.spec, when)
+
+
+def _always(_request: object) -> bool:
+    return True
+
+
+def _message_of(message_type: MessageType, parts: list[Part]) -> Part:
+    return lambda moment: message_type.struct_type(transforms=[part(moment) for part in parts])
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    """Return x, y, z, w of a rotation about the fixed axes x, y, z in this order [rad], as tf's `setRPY`."""
+    sr, cr = math.sin(roll / 2), math.cos(roll / 2)
+    sp, cp = math.sin(pitch / 2), math.cos(pitch / 2)
+    sy, cy = math.sin(yaw / 2), math.cos(yaw / 2)
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )

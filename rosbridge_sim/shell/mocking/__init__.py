@@ -1,0 +1,1 @@
+"""Mocks of robots: their files on the disk, and faults of the wire."""
