@@ -47,9 +47,9 @@ async def drive(client: Client, num: int) -> list[tuple[str, dict[str, Any]]]:
 
 
 async def test_camera_and_lidar_come_before_the_answer_and_repeat_to_the_byte(serve: Serve, connect: Connect) -> None:
-    runs = []
+    runs, flags = [], ("--start", "sync", "--scenario", "loop", "--sensors", "teaching", "--no-dressing")
     for _ in range(2):
-        client = await connect(serve("--start", "sync", "--scenario", "loop", "--sensors", "teaching").url)
+        client = await connect(serve(*flags).url)
         runs.append(await drive(client, 5))
     first, second = runs
     assert [(name, message["header"]["seq"]) for name, message in first] == [
