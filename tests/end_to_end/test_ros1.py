@@ -65,6 +65,13 @@ class Ros(NamedTuple):
             assert core.poll() is None
         return core
 
+    def start_master(self) -> subprocess.Popen[bytes]:
+        """A master alone, which can be killed as one process, and is ready."""
+        master = subprocess.Popen(["rosmaster", "--core", "-p", self.master.rpartition(":")[2]], env=self.env)
+        while subprocess.run(["rosparam", "list"], env=self.env, capture_output=True, check=False).returncode:
+            assert master.poll() is None
+        return master
+
     async def start_node(self, what: str, *arguments: str) -> asyncio.subprocess.Process:
         """A node of `node_of_ros1.py` that is ready."""
         node = await self.start(PYTHON, NODE, what, self.folder / "types.json", *arguments)
@@ -283,6 +290,26 @@ async def test_topics_services_and_parameters_both_ways(gateway: tuple[Simulator
     await until(lambda: "/switch" not in bus.services and not bus.topics["/echo"].publishers)
     told = await asyncio.to_thread(ros.run, "rosservice", "call", "/rosapi_nothing", fails=True)
     assert "Service [/rosapi_nothing] is not available" in told
+    called = asyncio.create_task(asyncio.to_thread(ros.run, "rosservice", "call", "/trigger"))
+    third = await client.take("call_service", service="/trigger")
+    await client.send("service_response", service="/trigger", id=third["id"], result=True, values=values)
+    assert (await called).split() == ["success:", "True", "message:", '"yes"']
+
+
+async def test_a_provider_that_is_killed_fails_the_call_that_waits(gateway: tuple[Simulator, Client], ros: Ros) -> None:
+    client, bus = gateway[1], gateway[0].bus
+    assert bus is not None
+    node = await ros.start_node("serve")
+    await until(lambda: "/sleep" in bus.services)
+    await client.send("call_service", service="/sleep", id="a")
+    await client.send("call_service", service="/switch", id="b", args={"data": True})
+    assert (await client.take("service_response", id="b"))["result"] is True
+    node.kill()
+    for key in ("a", "c"):  # the second one while the master still names the node
+        answer = await client.take("service_response", id=key)
+        assert (answer["result"], "Service /sleep of ROS 1 was lost" in answer["values"]) == (False, True)
+        await client.send("call_service", service="/sleep", id="c")
+    await node.wait()
 
 
 async def test_roscpp_speaks_with_clients(gateway: tuple[Simulator, Client], ros: Ros) -> None:
@@ -311,11 +338,13 @@ async def test_roscpp_speaks_with_clients(gateway: tuple[Simulator, Client], ros
 
 
 def test_a_master_that_is_killed_and_started_again_knows_the_server(ros: Ros) -> None:
-    core = ros.start_core()
     program = ServerProcess(ros.folder / "log", ["--ros1-master", "env"], dict(ros.env))
-    assert "/imu" in ros.run("rostopic", "list")
-    stop(core)
-    core = ros.start_core()
+    core = ros.start_master()
+    while "/imu" not in ros.run("rostopic", "list"):
+        assert program.is_alive
+    core.kill()
+    core.wait()
+    core = ros.start_master()
     while "/imu" not in ros.run("rostopic", "list"):
         assert program.is_alive
     assert "sensor_msgs/Imu" in ros.run("rostopic", "type", "/imu")

@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final, Generic
 
+import orjson
+
 from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarCalls, FarGraph, FarService, FarServiceTypes, OnReply, Service
@@ -179,9 +181,10 @@ class NodeServices(FarOffers, Generic[Service]):
             if answer.is_ok and isinstance(answer.values, Message):
                 on_reply(True, service.response.encode(answer.values))  # noqa: FBT003 - see `OnReply`
                 return
+            why = answer.values if isinstance(answer.values, str) else orjson.dumps(answer.values, default=str).decode()
             if answer.reason is not None:
-                self._refuse(name, answer.reason, str(answer.values), node)
-            on_reply(False, str(answer.values).encode())  # noqa: FBT003 - see `OnReply`
+                self._refuse(name, answer.reason, why, node)
+            on_reply(False, why.encode())  # noqa: FBT003 - see `OnReply`
 
         body = service.request.type.encode_json(value)
         caller = self._caller(node, now) if node else self

@@ -6,7 +6,7 @@ What they do is what rosmaster and rospy do on the wire, see `tests/end_to_end/t
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -19,6 +19,8 @@ STRING_MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
 TRIGGER_MD5 = "937c9679a518e3a18d831e57125ea522"
 
 Stream = tuple[asyncio.StreamReader, asyncio.StreamWriter]
+Reply = tuple[bool, bytes]
+"""Whether a service succeeds, and its response or the reason."""
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -146,7 +148,7 @@ class SmallNode:
         self.name = name
         self.headers: list[dict[str, str]] = []
         self.answer_header: dict[str, str] = {}
-        self.handle: Callable[[bytes], tuple[bool, bytes]] = lambda request: (True, request)
+        self.handle: Callable[[bytes], Reply | Awaitable[Reply]] = lambda request: (True, request)
         self.subscribers: list[asyncio.StreamWriter] = []
         self._master = master
         self._api = XmlRpcServer(self._answer)
@@ -197,7 +199,8 @@ class SmallNode:
                 return
             while True:
                 request = await take_message(reader)
-                is_ok, body = self.handle(request)
+                reply = self.handle(request)
+                is_ok, body = await reply if isinstance(reply, Awaitable) else reply
                 writer.write(bytes([is_ok]) + with_length(body))
 
     def say(self, body: bytes) -> None:
