@@ -32,7 +32,10 @@ ON_ROS_2: Final = {"rospy_tutorials/AddTwoInts": "example_interfaces/AddTwoInts"
 """Type that ROS 2 lacks -> the type with the same fields there."""
 
 STANDARD_PACKAGES: Final = frozenset(
-    {"std_msgs", "std_srvs", "geometry_msgs", "sensor_msgs", "nav_msgs", "rospy_tutorials", "example_interfaces"}
+    {
+        *("std_msgs", "std_srvs", "geometry_msgs", "sensor_msgs", "nav_msgs", "tf2_msgs"),
+        *("rospy_tutorials", "example_interfaces"),
+    }
 )
 
 

@@ -271,7 +271,7 @@ def _reference_of(difference: Difference) -> str:
     return difference.known or (SILENT if _is_status(difference.expected) and difference.got is None else "")
 
 
-_PRESCRIBED: Final = re.compile(r"protocol text|rosbridge_suite (0\.11\.17|2\.1\.0)|rosapi|action_msgs")
+_PRESCRIBED: Final = re.compile(r"protocol text|rosbridge_suite (0\.11\.17|2\.1\.0)|rosapi|actionlib|action_msgs")
 """Sources that all servers should follow: the specification, and releases that most users have."""
 
 _MAX_SHOWN: Final = 300

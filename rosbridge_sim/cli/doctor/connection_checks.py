@@ -187,16 +187,16 @@ def _load(size: int, num: int) -> Callable[[ExaminedServer, str], Awaitable[str]
 
 
 _WORK: Final[dict[str, tuple[str, str, Callable[[ExaminedServer, str], Awaitable[str]]]]] = {
-    "connection/query": ("clients write a token there", "a query in the URL is no mistake", _query),
+    "connection/query": ("clients write a token there", "a query in the URL is accepted", _query),
     "connection/ping": (f"{_RFC}, section 5.5.2", "a ping is answered", _ping),
     "connection/close": (f"{_RFC}, section 7.1", "a close is answered with the same code", _close),
-    "connection/compression": ("RFC 7692", "an offer to compress is no mistake", _deflate),
+    "connection/compression": ("RFC 7692", "an offer to compress is accepted", _deflate),
     "connection/subprotocol": (
         f"{_RFC}, section 4.2.2",
-        "a subprotocol that the server lacks is no mistake",
+        "an offer of a subprotocol is accepted, also of one that the server does not have",
         _subprotocol,
     ),
-    "connection/many": ("rosbridge_suite 0.11.17", "twenty clients are connected at a time", _many),
+    "connection/many": ("rosbridge_suite 0.11.17", "twenty clients are connected at the same time", _many),
     "connection/token": ("security", "a client without the token gets no answers", _needs_token),
     "timing/round-trip": ("a figure", "time from a publish until the message comes back", _round_trip),
     "timing/jitter": ("a figure", "regularity of a topic of 50 Hz", _jitter),
