@@ -23,6 +23,7 @@ from typing import NamedTuple
 import pytest
 
 from rosbridge_sim.campaigns.campaign import check_search, read_campaign
+from rosbridge_sim.cli.contracts.contract_run import read_contract
 from rosbridge_sim.client import Client
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
@@ -65,6 +66,8 @@ OTHERS = (
     "network",
     "tools",
     "doctor",
+    "contract",
+    "contract-file",
     "catalogue",
     "scenario-ego",
     "scenario-vehicles",
@@ -358,6 +361,24 @@ def test_doctor_examines_a_server(serve: Serve) -> None:
         assert "topics/latch" in done.out or "conform" in done.out
 
 
+@pytest.mark.slow
+def test_contract_of_a_server_is_kept(serve: Serve, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    for line in example("contract").splitlines():
+        _, *words = shlex.split(line.replace("$ROSBRIDGE_SIM_URL", serve().url))
+        done = run_tool(*words, "--duration", "0.5")
+        assert done.code == 0, done
+    assert "testsuite" in (tmp_path / "contract.xml").read_text()
+
+
+def test_contract_of_a_robot_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text(example("contract-file"))
+    contract = read_contract(str(file))
+    assert list(contract.topics) == ["/odom", "/scan", "/cmd_vel"]
+    assert contract.topics["/scan"].fields["ranges[]"].nan
+
+
 def test_model_table_is_read(tmp_path: Path) -> None:
     file = tmp_path / "models.csv"
     file.write_text(example("catalogue"))
@@ -429,7 +450,7 @@ def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
     assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS, *WITHOUT_SERVER, *WITH_TORCH])
     assert [mark for mark, found in examples.items() if len(found) > 1] == []
     programs = sum(len(PROGRAM.findall(path.read_text("utf-8"))) for path in PAGES)
-    assert programs == len(examples) - 2, "all but the commands of `tools` and `doctor`, which are sh"
+    assert programs == len(examples) - 4, "all but `tools`, `doctor` and `contract`, which are sh, and `contract-file`"
 
 
 # Promises of the page about the client

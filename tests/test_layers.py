@@ -37,6 +37,7 @@ weight: records
 units:
 version:
 not_json:
+junit: records
 # the wire
 schema.definitions: *
 schema: * long_text schema.definitions weight
@@ -106,10 +107,11 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
     world.state world.vehicle
 # campaigns, without processes and files
 campaigns: * document_reading documents expressions world.geometry world.state
-# the checks of a rosbridge, without sockets
-doctor: *
 # mocks of robots, without sockets and files
 mock: * document_reading documents expressions schema schema.definitions yaml_reading
+# the checks of a rosbridge, and of what an app relies on, without sockets
+doctor: * junit
+contracts: * documents schema.definitions
 # outside
 link: * protocol
 client: * link protocol
@@ -142,6 +144,7 @@ campaign_runs: * campaigns environments expressions graph scenarios schema shell
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.files cli.tools link
 cli.doctor: * cli.tools doctor link
+cli.contracts: * cli.tools contracts document_reading junit link yaml_reading
 cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
     shell.config shell.files shell.page shell.ros1 shell.ros2
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
@@ -207,6 +210,8 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "doctor": {"cbor2", "PIL"},
     "mock": {"msgspec", "numpy"},
     "yaml_reading": {"ruamel"},
+    "contracts": {"msgspec"},
+    "junit": set(),
     "campaigns": {"msgspec", "numpy"},
     "not_json": set(),
     "units": set(),

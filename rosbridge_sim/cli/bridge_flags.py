@@ -122,6 +122,11 @@ def add_bridge(
         text = "longest wait for a message, and for an answer; then end with code 1 and the reason"
         parser.add_argument("--timeout", dest="patience", type=SECONDS, metavar="SECONDS", help=f"{text} [for ever]")
         return
+    add_patience(parser, patience, is_call=is_call)
+
+
+def add_patience(parser: Parser, patience: float = ANSWER_PATIENCE, *, is_call: bool = False) -> None:
+    """Add the flag with the longest wait for an answer."""
     text = "longest time for the service; 0 is no limit" if is_call else "longest wait for an answer"
     parser.add_argument(
         "--timeout",

@@ -14,6 +14,7 @@ _PLACES = {
     "file_commands": ("schema", "interface", "scenario", "map", "docs"),
     "bag_commands": ("bag", "record"),
     "campaign_commands": ("campaign",),
+    "contract_commands": ("contract",),
     "doctor_command": ("doctor",),
     "mock_command": ("mock",),
     "ros1_commands": ("ros1",),

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import html
 import json
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
-from typing import Final
 
 from rosbridge_sim.doctor.examination import CheckResult, Verdict, shown
+from rosbridge_sim.junit import Case, write_suite
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
@@ -119,26 +117,13 @@ def to_json(report: Report) -> JsonValue:
 def junit(report: Report) -> str:
     """Return the results as JUnit XML: a fault that is not known is a failure, what is not applicable is skipped."""
     faults = {one.check.id for one in report.faults}
-    skipped = [one for one in report.outcomes if one.verdict is Verdict.NOT_APPLICABLE]
-    numbers = f'tests="{len(report.outcomes)}" failures="{len(faults)}" skipped="{len(skipped)}"'
-    lines = ['<?xml version="1.0" encoding="UTF-8"?>', f'<testsuite name="rosbridge" {numbers}>']
+    cases = []
     for one in report.outcomes:
-        head = f'  <testcase classname="{_xml(one.check.section)}" name="{_xml(one.check.id)}"'
-        if one.check.id in faults:
-            text = f"{one.check.says}: {one.reason} ({one.check.source})"
-            lines.append(f'{head}><failure message="{_xml(f"{one.verdict}: {text}")}"/></testcase>')
-        elif one.verdict is Verdict.NOT_APPLICABLE:
-            lines.append(f'{head}><skipped message="{_xml(one.reason)}"/></testcase>')
-        else:
-            lines.append(f"{head}/>")
-    return "\n".join([*lines, "</testsuite>", ""])
-
-
-_NOT_XML: Final = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
-
-def _xml(text: str) -> str:
-    return html.escape(_NOT_XML.sub("?", text))
+        failure = f"{one.verdict}: {one.check.says}: {one.reason} ({one.check.source})"
+        failure = failure if one.check.id in faults else ""
+        skipped = one.reason if one.verdict is Verdict.NOT_APPLICABLE else ""
+        cases.append(Case(one.check.section, one.check.id, failure, skipped))
+    return write_suite("rosbridge", cases)
 
 
 def read_baseline(text: str) -> dict[str, str]:

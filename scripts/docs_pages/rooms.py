@@ -42,6 +42,7 @@ PACKAGE_ROOMS: Final = Picture(
         "environments": ((300, 250), (540, 80), "environments for Gymnasium"),
         "worlds": ((220, 360), (620, 80), "many worlds without a server"),
         "doctor": ((40, 360), (160, 80), "checks of a rosbridge"),
+        "contracts": ((40, 250), (160, 80), "what an app relies on"),
         "client": ((40, 470), (240, 80), "for programs and the command line"),
         "shell": ((300, 470), (540, 80), "sockets, tasks, clock, disk, signals"),
         "link": ((40, 580), (400, 80), "a client's connection; texts for terminals"),

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from rosbridge_sim.cli.doctor import connection_checks
 from rosbridge_sim.cli.doctor.examined_server import NO_CONNECTION, ExaminedServer
-from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_table
+from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_table, write_file
 from rosbridge_sim.doctor.check import Check, prepared, read_checks
 from rosbridge_sim.doctor.check_report import Report, junit, markdown, read_baseline, terminal_lines, to_json
 from rosbridge_sim.doctor.examination import CheckResult, Verdict, examine
@@ -132,7 +132,7 @@ async def examine_server(
     else:
         put_lines("\n".join(terminal_lines(report, is_verbose=verbose)))
     if junit_path is not None:
-        _write(junit_path, junit(report))
+        write_file(junit_path, junit(report))
     return 1 if report.faults else 0
 
 
@@ -198,10 +198,3 @@ def _read_known(path: Path) -> dict[str, str]:
         raise DocumentError(f"--baseline: {path}: cannot be read: {error.strerror}") from None
     except ValueError as error:
         raise DocumentError(f"--baseline: {path}: {error}") from None
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise DocumentError(f"--junit: {path}: cannot be written: {error.strerror}") from None

@@ -223,19 +223,13 @@ async def call(
 
 async def _check_type(bridge: Bridge, service: str, type_name: str) -> None:
     """Refuse a call with the type of another service; a server that does not know the type is asked no further."""
+    from rosbridge_sim.schema.definitions.names import canonical_type  # noqa: PLC0415 - not for a command's help
+
     with suppress(BridgeError):
         (answer,) = await bridge.ask_all([("service_type", {"service": service})])
         kind = answer.word("type")
-        if kind and _canonical(kind) != _canonical(type_name):
+        if kind and canonical_type(kind) != canonical_type(type_name):
             raise RefusedError(f"{safe(service)}: is of type {safe(kind)}, not {safe(type_name)}")
-
-
-def _canonical(type_name: str) -> str:
-    """Return a type's name without what differs between the generations."""
-    from rosbridge_sim.schema.definitions.names import RENAMED_PACKAGES  # noqa: PLC0415 - not for a command's help
-
-    package, _, short = type_name.replace("/srv/", "/").partition("/")
-    return f"{RENAMED_PACKAGES.get(package, package)}/{short}"
 
 
 async def _near(bridge: Bridge, service: str) -> str:

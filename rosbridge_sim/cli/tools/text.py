@@ -11,6 +11,7 @@ import math
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import cast
 
 import orjson
@@ -66,6 +67,28 @@ def note(text: str) -> None:
     sys.stderr.flush()
 
 
+def write_file(path: Path, text: str) -> None:
+    """Write a file.
+
+    Raises:
+        DocumentError: it cannot be written.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def demand_new(path: Path) -> None:
+    """Refuse to overwrite a file.
+
+    Raises:
+        DocumentError: it is there already.
+    """
+    if path.exists():
+        raise DocumentError(f"{path}: is there already; choose another name, or delete it")
+
+
 def put_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print rows with aligned columns below a header.
 
@@ -87,8 +110,14 @@ def render(value: object) -> str:
     return line if line is not None else "\n".join(_block(value, ""))
 
 
+class Flow(dict[str, object]):
+    """An object of simple values and lists of them, which is written on one line: `{min: 1, max: 2}`."""
+
+
 def _inline(value: object) -> str | None:
     """Return a value as text for the line of its key; None if it needs separate lines."""
+    if isinstance(value, Flow):
+        return "{" + ", ".join(f"{_scalar(key)}: {_inline(one)}" for key, one in value.items()) + "}"
     if isinstance(value, Mapping):
         return None if value else "{}"
     if isinstance(value, list):

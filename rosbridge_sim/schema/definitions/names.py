@@ -65,6 +65,12 @@ def split_name(name: str) -> tuple[str, str]:
     return match[1], match[2]
 
 
+def canonical_type(name: str) -> str:
+    """Return the name `pkg/Type` of a type as either generation writes it; any text is accepted."""
+    package, _, rest = name.strip("/").partition("/")
+    return f"{RENAMED_PACKAGES.get(package, package)}/{rest.rpartition('/')[2]}"
+
+
 def spelled(name: str, kind: DefinitionKind, ros: Generation) -> str:
     """Return the name that a generation writes for a type `pkg/Type`."""
     if ros == 1:

@@ -1,0 +1,62 @@
+"""The commands `rosbridge-sim contract ...`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rosbridge_sim.cli.bridge_flags import SECONDS, add_patience, add_token
+from rosbridge_sim.cli.command_line import add_json, group_of, make_number
+from rosbridge_sim.link.arguments import Parser
+
+WATCHING = 5.0
+"""Default of the time that a system is watched [s]."""
+
+_SHARE = make_number(0, 1000, "a share such as 0.1", float)
+
+
+def make_contract() -> Parser:
+    """Return the parser of `rosbridge-sim contract ...`."""
+    text = (
+        "What an app relies on, as a file: topics with type, rate and ranges of fields, and services. The same file"
+        " is checked against a robot, a simulator and a mock."
+    )
+    group, add = group_of("contract", text)
+    work = "contracts.contract_run.record_contract_file"
+    parser = add("record", work, "watch a rosbridge, and write the contract for what was seen")
+    _add_server(parser, "the new file, such as robot.contract.yaml")
+    add_patterns(parser)
+    about = "share of its width by which a range is wider than what was seen, on both sides [0.1]"
+    parser.add_argument("--margin", type=_SHARE, default=0.1, metavar="SHARE", help=about)
+    about = "share by which rates may differ [0.2]"
+    parser.add_argument("--tolerance", type=_SHARE, default=0.2, metavar="SHARE", help=about)
+
+    parser = add("check", "contracts.contract_run.check_contract", "judge a rosbridge by a contract")
+    _add_server(parser, "the contract")
+    parser.epilog = "The exit code is 1 if a term is broken, and 2 after a mistake in the file or without a connection."
+    parser.add_argument("-v", "--verbose", action="store_true", help="print the terms that are kept, too")
+    parser.add_argument("--junit", dest="junit_path", type=Path, metavar="FILE", help="write JUnit XML, for CI")
+    return group
+
+
+def _add_server(parser: Parser, file: str) -> None:
+    parser.add_argument("url", metavar="URL", help="any rosbridge, such as ws://robot:9090")
+    parser.add_argument("file", metavar="FILE", help=file)
+    add_watching(parser)
+
+
+def add_watching(parser: Parser) -> None:
+    """Add the flags of commands that watch a system, but its URL."""
+    about = f"time of watching; longer for topics that are slower [{WATCHING:g}]"
+    parser.add_argument("-d", "--duration", type=SECONDS, default=WATCHING, metavar="SECONDS", help=about)
+    add_token(parser)
+    add_patience(parser)
+    add_json(parser)
+
+
+def add_patterns(parser: Parser) -> None:
+    """Add the flags that select topics and services."""
+    for what in ("topic", "service"):
+        about = f"{what}s to take, such as '/camera/*'; may be repeated [all but those of ROS itself]"
+        parser.add_argument(
+            f"-{what[0]}", f"--{what}", dest=f"{what}s", action="append", default=[], metavar="PATTERN", help=about
+        )

@@ -1,0 +1,87 @@
+"""The contract of what was seen: narrow enough to say something, and always kept by what was seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rosbridge_sim.contracts.contract import CONTRACT, FieldTerms
+from rosbridge_sim.contracts.contract_check import judge_contract
+from rosbridge_sim.contracts.contract_recording import contract_document, record_contract
+from rosbridge_sim.contracts.seen_system import SeenSystem, SeenTopic
+from rosbridge_sim.document_reading import check_values
+from tests.contracts.test_seen_system import topic_of
+
+
+def observed(topic: SeenTopic, kind: str = "a/B") -> SeenSystem:
+    return SeenSystem({"/t": topic}, {"/t": kind}, {"/s": "c/D"}, 1.0)
+
+
+def fields_of(*messages: dict[str, Any], margin: float = 0.1) -> dict[str, FieldTerms]:
+    return record_contract(observed(topic_of(*messages)), margin).topics["/t"].fields
+
+
+def test_range_is_wider_by_the_margin_on_both_sides() -> None:
+    assert fields_of({"x": 0.0}, {"x": 10.0})["x"] == FieldTerms(low=-1.0, high=11.0)
+
+
+@pytest.mark.parametrize(("value", "low", "high"), [(5.0, 4.5, 5.5), (-2, -2.2, -1.8), (0.0, 0.0, 0.0)])
+def test_constant_number_is_wider_by_a_share_of_itself(value: float, low: float, high: float) -> None:
+    assert fields_of({"x": value}, {"x": value})["x"] == FieldTerms(low=low, high=high)
+
+
+def test_range_with_nan_allows_nan() -> None:
+    assert fields_of({"x": 1.0, "y": None}, {"x": None, "y": None}, margin=0.0) == {
+        "x": FieldTerms(low=1.0, high=1.0, nan=True),
+        "y": FieldTerms(nan=True),
+    }
+
+
+def test_few_texts_are_listed_and_many_are_not() -> None:
+    few = fields_of({"frame": "a", "on": True}, {"frame": "b", "on": True})
+    assert few == {"frame": FieldTerms(values=["a", "b"]), "on": FieldTerms(values=[False, True])}
+    assert fields_of(*({"word": str(i)} for i in range(20)))["word"] == FieldTerms()
+
+
+def test_times_counters_and_sequence_numbers_have_no_range() -> None:
+    headers = [{"seq": i, "stamp": {"secs": i, "nsecs": 0}, "frame_id": "a"} for i in range(3)]
+    found = fields_of(*({"header": header, "count": 7 * i} for i, header in enumerate(headers)))
+    assert found == {
+        "header.stamp": FieldTerms(),
+        "header.frame_id": FieldTerms(values=["a"]),
+        "count": FieldTerms(),
+    }
+
+
+def test_lengths_of_lists_have_the_margin_only_where_they_differ() -> None:
+    found = fields_of({"a": [1] * 3, "b": [1] * 2}, {"a": [1] * 3, "b": [1] * 12})
+    assert found["a"] == FieldTerms(min_length=3, max_length=3)
+    assert found["b"] == FieldTerms(min_length=1, max_length=13)
+
+
+def test_field_that_was_missing_once_is_no_term() -> None:
+    assert list(fields_of({"a": 1, "b": 1}, {"a": 1})) == ["a"]
+
+
+def test_topic_with_few_messages_has_no_rate() -> None:
+    assert record_contract(observed(topic_of({}, {})), 0.1).topics["/t"].rate is None
+    assert record_contract(observed(topic_of(*[{}] * 6)), 0.1).topics["/t"].rate == 10.0
+
+
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
+VALUES = st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from("abc"), inner), max_leaves=8
+)
+MESSAGES = st.lists(st.dictionaries(st.sampled_from(["a", "b", "stamp", "frame_id", "seq"]), VALUES), max_size=6)
+
+
+@given(MESSAGES, st.floats(0.0, 2.0))
+def test_contract_is_readable_and_kept_by_what_was_seen(messages: list[dict[str, Any]], margin: float) -> None:
+    seen = observed(topic_of(*messages))
+    contract = record_contract(seen, margin)
+    read = check_values(CONTRACT, contract_document(contract), str)
+    assert read == (contract, [])
+    assert [str(claim) for claim in judge_contract(contract, seen) if claim.is_broken] == []
