@@ -68,7 +68,7 @@ document_mistakes: * documents
 document_reading: * document_mistakes documents not_json
 xml_documents: *
 yaml_reading: * documents
-maps: * document_reading documents units world.geometry world.roads world.state
+maps: * document_reading documents units world.geometry world.roads world.state xml_documents
 scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
 scenery: records world.followers world.geometry world.roads world.state

@@ -131,7 +131,7 @@ def make_map() -> Parser:
         "names",
         metavar="DIR|NAME",
         nargs="+",
-        help="a folder of MGeo files, a folder of such, or a built-in map",
+        help="a folder of MGeo files, an OpenDRIVE file (.xodr), a folder of such, or a built-in map",
     )
     _add_picture(parser)
     _add_strict(parser)

@@ -1,4 +1,4 @@
-"""Contents of an MGeo map and its gaps, for its author: `rosbridge-sim map info`.
+"""Contents of a map and its gaps, for its author: `rosbridge-sim map info`.
 
 The figures come from the files and from the map that was read from them. A *gap* is something that a map refers to and
 lacks, or that its traffic will miss; such a map can still be read.
@@ -124,7 +124,8 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
     The kind of the projection is null if the map tells none.
 
     Args:
-        files: contents of those of `MAP_FILES` that exist; the map was read from them.
+        files: contents of those of `MAP_FILES` that exist; the map was read from them. Empty for a map that is one
+            file.
 
     Returns:
         The object; `gaps` lists what the map lacks.
@@ -133,6 +134,7 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
     roads, plan, projection = road_map.roads, road_map.plan, road_map.projection
     low, high = (roads.points.min(axis=0), roads.points.max(axis=0)) if len(roads) else (np.zeros(3), np.zeros(3))
     changes = [link for link in sets.links if link.get("lazy_init")]
+    kinds_of_edges = [_text(edge.get("lane_type")) for edge in sets.borders] or [str(e.type) for e in road_map.borders]
     kinds = {_name(link): _text(link.get("link_type")) for link in sets.links}
     return {
         "name": road_map.name,
@@ -152,12 +154,12 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
             "by_speed_limit": _lengths(
                 roads.length, [f"{limit * MPS_TO_KMH:g}" for limit in roads.speed_limit.tolist()]
             ),
-            "by_link_type": _lengths(roads.length, [kinds[name] for name in roads.ids]),
+            "by_link_type": _lengths(roads.length, [kinds.get(name, "none") for name in roads.ids]),
             "by_width": _lengths(roads.length, [f"{width:g}" for width in roads.width.tolist()]),
             "num_with_neighbours": int(((roads.left >= 0) | (roads.right >= 0)).sum()),
             "num_to_stop_lines": int(roads.is_stop.sum()),
         },
-        "borders": {"num": len(sets.borders), "by_type": _count(_text(edge.get("lane_type")) for edge in sets.borders)},
+        "borders": {"num": len(kinds_of_edges), "by_type": _count(kinds_of_edges)},
         "lights": _lights(sets, plan),
         "controllers": list(_controllers(plan)),
         "crosswalks": {

@@ -12,6 +12,7 @@ from hashlib import blake2b
 
 import numpy as np
 
+from rosbridge_sim.maps.road_positions import RoadPositions
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -149,6 +150,7 @@ class RoadMap:
         borders: painted lines and kerbs.
         markings: what is painted on the roads beside lines and crosswalks.
         signs: traffic signs.
+        positions: its lanes by the roads of the file; None for a format without roads.
         notes: remarks about ignored or reinterpreted entries: a line each, for the log.
     """
 
@@ -162,6 +164,7 @@ class RoadMap:
     borders: tuple[Border, ...] = ()
     markings: tuple[Marking, ...] = ()
     signs: tuple[Sign, ...] = ()
+    positions: RoadPositions | None = None
 
     def find_inside(self) -> BoolArray:
         """Return which lanes lie within an intersection: behind a stop line, or controlled by lights; (lanes,)."""

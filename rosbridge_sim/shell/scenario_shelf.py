@@ -73,7 +73,7 @@ class DiskShelf:
         problem = ""
         if scenario.map_name is not None:
             try:
-                self._library.map_folder(scenario.map_name)
+                self._library.map_path(scenario.map_name)
             except DocumentError as error:
                 problem = str(error)
         return ListedScenario(

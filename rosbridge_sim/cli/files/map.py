@@ -16,9 +16,9 @@ from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.maps.map_check import describe_map, list_files
-from rosbridge_sim.maps.map_formats import find_map_mistakes, is_map, read_map
+from rosbridge_sim.maps.map_formats import find_file_format, find_map_mistakes, is_map, read_map
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder, refuse_map_file
+from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder, read_map_at, refuse_map_file
 from rosbridge_sim.shell.files.other_formats import MAP_IS, find_other_formats
 
 MAX_ROWS: Final = 60
@@ -34,7 +34,7 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
     """Explain a map, or print the result of checks of several.
 
     Args:
-        names: folders, folders of such folders, or names of built-in maps.
+        names: folders or files of maps, folders of these, or names of built-in maps.
         picture: file for a picture; allowed for a single map.
         is_strict: remarks count like mistakes in the exit code.
 
@@ -80,14 +80,14 @@ def _find_folders(name: str) -> list[Path]:
         DocumentError: there is no such folder.
     """
     try:
-        folder = DiskLibrary(own_map=name).map_folder(name)
+        folder = DiskLibrary(own_map=name).map_path(name)
     except DocumentError:
         refuse_map_file(Path(name))
         known = ", ".join(map_names())
-        raise DocumentError(f"{name}: expected a folder of MGeo files, or one of {known}; there is none") from None
-    if is_map(_names_in(folder)):
+        raise DocumentError(f"{name}: {MAP_IS}, or one of {known}; there is none") from None
+    if folder.is_file() or is_map(_names_in(folder)):
         return [folder]
-    inner = [at for at in sorted(folder.glob("*")) if at.is_dir() and is_map(_names_in(at))]
+    inner = [at for at in sorted(folder.glob("*")) if is_map(_names_in(at)) or find_file_format(at.name)]
     if not inner and (other := find_other_formats(folder)):
         raise DocumentError(f"{name}: {other}; {MAP_IS}")
     return inner or [folder]
@@ -107,6 +107,8 @@ def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
     Raises:
         DocumentError: the folder cannot be read.
     """
+    if folder.is_file():
+        return _account_of_file(folder)
     try:
         names = [at.name for at in folder.iterdir()]
     except OSError as error:
@@ -118,9 +120,24 @@ def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
     except DocumentError:
         mistakes = find_map_mistakes(files, str(folder))
         return {**account, "is_good": False, "mistakes": mistakes, "remarks": []}, None
+    return _described(account, files, road_map), road_map
+
+
+def _account_of_file(path: Path) -> tuple[_Report, RoadMap | None]:
+    """Return the report on a map that is one file, and the map if it can be read."""
+    one = {"name": path.name, "is_there": True, "is_read": True, "holds": None, "is_known": True}
+    account: _Report = {"file": str(path), "folder": str(path.parent), "files": [one]}
+    try:
+        road_map = read_map_at(path)
+    except DocumentError as error:
+        return {**account, "is_good": False, "mistakes": [str(error)], "remarks": []}, None
+    return _described(account, {}, road_map), road_map
+
+
+def _described(account: _Report, files: Mapping[str, bytes], road_map: RoadMap) -> _Report:
     described = describe_map(files, road_map)
     remarks = [*described["notes"], *map(_gap, described["gaps"])]
-    return {**account, "is_good": not remarks, "mistakes": [], "remarks": remarks, **described}, road_map
+    return {**account, "is_good": not remarks, "mistakes": [], "remarks": remarks, **described}
 
 
 # Output for people
@@ -169,14 +186,16 @@ def _show_figures(account: _Report) -> None:
         f"extent: {to_east - west:,.0f} m from west to east, {to_north - south:,.0f} m from south to north "
         f"(x {west:,.1f} to {to_east:,.1f}, y {south:,.1f} to {to_north:,.1f}, z {low:,.1f} to {high:,.1f})"
     )
-    put(f"nodes: {account['nodes']['num']:,}, {account['nodes']['on_stop_line']:,} of them on a stop line")
+    if account["nodes"]["num"]:
+        put(f"nodes: {account['nodes']['num']:,}, {account['nodes']['on_stop_line']:,} of them on a stop line")
     put(
         f"lanes: {lanes['num']:,}, {lanes['length_km']:.2f} km; {lanes['num_with_neighbours']:,} with a lane beside "
         f"it to change into, {lanes['num_to_stop_lines']:,} that end at a stop line; "
         f"{lanes['num_links_for_changes']:,} links for lane changes"
     )
     _put_lanes("speed limit [km/h]", lanes["by_speed_limit"])
-    _put_lanes("link type", lanes["by_link_type"])
+    if account["nodes"]["num"]:
+        _put_lanes("link type", lanes["by_link_type"])
     _put_lanes("width [m]", lanes["by_width"])
     put(f"borders: {account['borders']['num']:,}{_counts(account['borders']['by_type'], 'type ')}")
     put(f"lights: {lights['num']:,}{_counts(lights['by_type'])}; {lights['num_groups']:,} groups")

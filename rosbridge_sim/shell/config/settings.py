@@ -236,7 +236,7 @@ class Settings:
     )
     map: str | None = _WORLD.flag(
         None,
-        or_none(text_of("a map's name or folder", "NAME|DIR"), "none"),
+        or_none(text_of("a map's name, folder or .xodr file", "NAME|DIR|FILE"), "none"),
         "map that replaces the map of every scenario",
     )
     scenario_path: tuple[str, ...] = _WORLD.flag((), FOLDERS, "folder with scenarios that clients may load; repeatable")

@@ -1,10 +1,12 @@
-"""Reading of whole files, up to a length."""
+"""Reading of files, up to a length: whole, or in pieces."""
 
 from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 
@@ -32,6 +34,31 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     if len(content) > max_bytes:
         raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
     return content
+
+
+PIECE: Final = 2**16
+"""Size of a piece [bytes]: a parser takes about a millisecond for it, so that other threads are soon served."""
+
+
+def read_in_pieces(path: Path, max_bytes: int) -> Iterator[bytes]:
+    """Yield a file's content in pieces of at most `PIECE` bytes; nothing longer is in memory.
+
+    Raises:
+        DocumentError: as for `read_bounded`; a file that is too long is known before its first piece.
+    """
+    try:
+        with open(path, "rb", opener=_open_at_once) as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise DocumentError(f"{path}: expected a file, got a pipe or a device; write its content to a file")
+            if status.st_size > max_bytes:
+                raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
+            left = max_bytes  # a file can grow
+            while left > 0 and (piece := file.read(min(PIECE, left))):
+                left -= len(piece)
+                yield piece
+    except OSError as error:
+        raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def _open_at_once(path: str, flags: int) -> int:

@@ -14,16 +14,16 @@ from pathlib import Path
 from typing import Any
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.maps.map_formats import MAP_FILES, read_map
+from rosbridge_sim.maps.map_formats import FILE_FORMATS, MAP_FILES, find_file_format, read_map
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenarios.catalogue import BUILT_IN
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings_file import looks_like_path
-from rosbridge_sim.shell.files.bounded_read import read_bounded
+from rosbridge_sim.shell.files.bounded_read import read_bounded, read_in_pieces
 from rosbridge_sim.shell.files.document_cache import DocumentCache
 from rosbridge_sim.shell.files.file_names import is_file_name, safe_parts
-from rosbridge_sim.shell.files.other_formats import LOOKED_AT, MAP_IS, SCENARIO_IS, find_other_format
+from rosbridge_sim.shell.files.other_formats import LOOKED_AT, MAP_IS, SCENARIO_IS, find_other_format, say_not_read
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -154,7 +154,7 @@ class DiskLibrary:
             return path
         form = find_other_format(name)
         if form:
-            raise DocumentError(f"{name!r}: {form} is not read; {SCENARIO_IS}")
+            raise DocumentError(f"{name!r}: {say_not_read(form)}; {SCENARIO_IS}")
         known = ", ".join(self.scenario_names())
         raise DocumentError(f"no scenario {name!r}; known are {known}, and --scenario-path takes a folder")
 
@@ -166,7 +166,7 @@ class DiskLibrary:
         text = read_bounded(path, MAX_DOCUMENT_SIZE)
         form = find_other_format(path.name, text)
         if form:
-            raise DocumentError(f"{path}: {form} is not read; {SCENARIO_IS}")
+            raise DocumentError(f"{path}: {say_not_read(form)}; {SCENARIO_IS}")
         return text, str(path)
 
     def scenario_names(self) -> list[str]:
@@ -196,8 +196,8 @@ class DiskLibrary:
         Raises:
             DocumentError: there is no such map, or a file cannot be used.
         """
-        folder = self.map_folder(name)
-        return self._cache.get("map", folder, self.map_files(name), lambda: read_map(read_folder(folder), str(folder)))
+        path = self.map_path(name)
+        return self._cache.get("map", path, self.map_files(name), lambda: read_map_at(path))
 
     def map_files(self, name: str) -> list[Path]:
         """Return the files of a map.
@@ -205,26 +205,66 @@ class DiskLibrary:
         Raises:
             DocumentError: there is no such map.
         """
-        folder = self.map_folder(name)
-        return [folder / name for name in _map_files(folder)]
+        path = self.map_path(name)
+        return [path / name for name in _map_files(path)] if path.is_dir() else [path]
 
-    def map_folder(self, name: str) -> Path:
-        """Return the folder of a map, or of the one that replaces all maps.
+    def map_path(self, name: str) -> Path:
+        """Return the folder or file of a map, or of the one that replaces all maps.
+
+        A scenario's map is a built-in one, or `NAME.xodr` in one of the folders of scenarios.
 
         Raises:
             DocumentError: there is no such map.
         """
-        folder = DATA / "maps" / (self._own_map or name)
-        if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
-            folder = Path(self._own_map)
-        if (self._own_map is None and not is_file_name(name)) or not folder.is_dir():
-            if self._own_map is not None:
-                refuse_map_file(folder)
-            elif form := find_other_format(name):
-                raise DocumentError(f"map {name!r}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
-            known = ", ".join(map_names())
-            raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
-        return folder
+        wanted = self._own_map or name
+        built_in = DATA / "maps" / wanted
+        if self._own_map is not None and (looks_like_path(wanted) or not built_in.is_dir()):
+            path = Path(wanted)
+            if path.is_dir() or _is_map_file(path):
+                return path
+            refuse_map_file(path)
+        elif is_file_name(wanted) and built_in.is_dir():
+            return built_in
+        elif is_file_name(wanted) and (found := self._find_map_file(wanted)):
+            return found
+        elif (form := find_other_format(name)) and form != "OpenDRIVE":
+            raise DocumentError(f"map {name!r}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
+        known = ", ".join(map_names())
+        raise DocumentError(f"no map {wanted!r}; known are {known}, and --map takes a folder or a .xodr file")
+
+    def _find_map_file(self, name: str) -> Path | None:
+        """Return the file of a scenario's map in the folders of scenarios."""
+        for each in FILE_FORMATS:
+            file = name if name.lower().endswith(each.suffix) else name + each.suffix
+            for folder in self._folders:
+                path = folder / file
+                if path.is_file() and path.resolve().is_relative_to(folder.resolve()):
+                    return path
+        return None
+
+
+def read_map_at(path: Path) -> RoadMap:
+    """Return the map of a folder or of a file.
+
+    Raises:
+        DocumentError: it cannot be used.
+    """
+    if path.is_dir():
+        return read_map(read_folder(path), str(path))
+    form = find_file_format(path.name, _beginning(path)) or FILE_FORMATS[0]
+    return form.read(read_in_pieces(path, MAX_DOCUMENT_SIZE), str(path))
+
+
+def _is_map_file(path: Path) -> bool:
+    """Return whether a file is a map of a format that is read."""
+    return path.is_file() and find_file_format(path.name, _beginning(path)) is not None
+
+
+def _beginning(path: Path) -> bytes:
+    """Return the first bytes of a file; none if it cannot be read."""
+    with suppress(OSError), path.open("rb") as file:
+        return file.read(LOOKED_AT)
+    return b""
 
 
 def refuse_map_file(path: Path) -> None:
@@ -237,12 +277,8 @@ def refuse_map_file(path: Path) -> None:
         DocumentError: it is one.
     """
     is_file = path.is_file()
-    content = b""
-    if is_file:
-        with suppress(OSError), path.open("rb") as file:
-            content = file.read(LOOKED_AT)
-    form = find_other_format(path.name, content)
-    if form:
+    form = find_other_format(path.name, _beginning(path) if is_file else b"")
+    if form and form != "OpenDRIVE":
         raise DocumentError(f"{path}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
     if is_file:
         raise DocumentError(f"{path}: {MAP_IS}, or one of {', '.join(map_names())}; got a file")

@@ -14,7 +14,7 @@ from typing import Final
 SCENARIO_IS: Final = "expected a scenario of MORAI SIM in JSON, as in rosbridge-sim docs reference/scenarios"
 """Formats that are read, as the end of an error text."""
 
-MAP_IS: Final = "expected a folder of MGeo files"
+MAP_IS: Final = "expected a folder of MGeo files or an OpenDRIVE file (.xodr)"
 """The same of a map."""
 
 _SUFFIXES: Final = {
@@ -69,6 +69,11 @@ def find_other_format(name: str, content: bytes = b"") -> str:
     return next(_formats(_ROOT.findall(start)), named or "XML")
 
 
+def say_not_read(form: str) -> str:
+    """Return the sentence about a format where a scenario is expected."""
+    return "OpenDRIVE is a map, which --map takes" if form == "OpenDRIVE" else f"{form} is not read"
+
+
 def find_other_formats(folder: Path) -> str:
     """Return which formats that are not read a folder has files of, with an example; an empty text if there are none.
 
@@ -79,7 +84,7 @@ def find_other_formats(folder: Path) -> str:
         names = sorted(at.name for at in islice(folder.iterdir(), MAX_FILES))
     except OSError:
         return ""
-    found = {form: name for name in reversed(names) if (form := find_other_format(name))}
+    found = {form: name for name in reversed(names) if (form := find_other_format(name)) and form != "OpenDRIVE"}
     return "; ".join(f"{form} is not read ({name})" for form, name in sorted(found.items()))
 
 

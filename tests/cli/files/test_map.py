@@ -28,8 +28,10 @@ from rosbridge_sim.shell.drawing.map_picture import (
     _legend_font,
     draw_map,
 )
+from rosbridge_sim.shell.files.other_formats import MAP_IS
 from rosbridge_sim.world.roads.roads import Roads
 from tests.cli.tool_fixture import run
+from tests.maps.opendrive.xodr_texts import document, lane, road, section
 from tests.simulator.small_maps import KOREAN, ROADRUNNER
 
 MAP_NAMES = "hills, loop, motorway, parking, roundabout, town, track"
@@ -181,7 +183,7 @@ def test_picture_of_the_town_shows_its_lanes_lights_and_crosswalks(tmp_path: Pat
         (("info", "track", "--picture", "x.gif"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.gif'"),
         (
             ("info", "nowhere"),
-            f"nowhere: expected a folder of MGeo files, or one of {MAP_NAMES}; there is none",
+            f"nowhere: {MAP_IS}, or one of {MAP_NAMES}; there is none",
         ),
         (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.doc'"),
     ],
@@ -200,15 +202,41 @@ def test_unwritable_picture_gives_one_error_line() -> None:
 
 
 def test_map_in_another_format_is_refused_by_its_name(tmp_path: Path) -> None:
-    (tmp_path / "Town01.xodr").write_text("<OpenDRIVE/>")
+    (tmp_path / "city.osm").write_text("<osm/>")
     names = f"or one of {MAP_NAMES}"
     for name, line in (
-        ("Town01.xodr", f"OpenDRIVE is not read; expected a folder of MGeo files, {names}"),
-        ("gone.net.xml", f"SUMO net is not read; expected a folder of MGeo files, {names}"),
-        ("", "OpenDRIVE is not read (Town01.xodr); expected a folder of MGeo files"),
+        ("city.osm", f"OpenStreetMap is not read; {MAP_IS}, {names}"),
+        ("gone.net.xml", f"SUMO net is not read; {MAP_IS}, {names}"),
+        ("", f"OpenStreetMap is not read (city.osm); {MAP_IS}"),
     ):
         done = run("map", "info", str(tmp_path / name))
         assert (done.code, done.complaint) == (2, f"{tmp_path / name}: {line}")
+
+
+# OpenDRIVE
+
+
+def test_opendrive_file_is_described_like_any_map(tmp_path: Path) -> None:
+    kinds = '<type s="0" type="town"><speed max="50" unit="km/h"/></type>'
+    lanes = section([lane(1), lane(0, '<roadMark type="broken"/>'), lane(-1), lane(-2, kind="sidewalk")])
+    (tmp_path / "small.xodr").write_bytes(document(road(sections=lanes, more=kinds)))
+    (tmp_path / "bad.xodr").write_bytes(document(road(sections=section([lane(0)]))))
+    done = run("map", "info", str(tmp_path / "small.xodr"))
+    assert (done.code, done.err) == (0, "")
+    for line in (
+        "  there is no <geoReference>, so /gps has no fix",
+        "  lanes that are no road for vehicles are left out: 1 of type sidewalk",
+        "  2 lanes that lead nowhere: 1.0.1, 1.0.-1",
+        "  read: small.xodr",
+        "  speed limit [km/h]: 50 (2, 0.20 km)",
+        "borders: 1 (1 type 501)",
+    ):
+        assert line in done.lines
+    assert not any(line.startswith("nodes:") for line in done.lines)
+    done = run("map", "info", str(tmp_path), "--json")
+    named = {Path(one["file"]).name: one for one in map(json.loads, done.out.splitlines()[:2])}
+    assert named["bad.xodr"]["mistakes"] == ["bad.xodr: expected at least one lane to drive on, got none"]
+    assert not named["small.xodr"]["mistakes"]
 
 
 # What lies kilometres away

@@ -118,7 +118,7 @@ def test_unknown_map_is_an_error(folder: Path) -> None:
     assert done.lines[0] == f"{folder}/mine.json: 1 mistake, 1 remark"
     known = "hills, loop, motorway, parking, roundabout, town, track"
     assert done.lines[3].startswith(f"  mapInfo.mapName: no map 'R_KR_Somewhere'; known are {known}")
-    assert done.lines[3].endswith("and --map takes a folder. Roads, links and lights were not checked")
+    assert done.lines[3].endswith("and --map takes a folder or a .xodr file. Roads, links and lights were not checked")
 
 
 def test_strict_turns_remarks_into_exit_code_1(folder: Path) -> None:

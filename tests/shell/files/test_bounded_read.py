@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.files.bounded_read import read_bounded
+from rosbridge_sim.shell.files.bounded_read import PIECE, read_bounded, read_in_pieces
 
 
 def test_file_is_read_up_to_its_bound(tmp_path: Path) -> None:
@@ -34,3 +34,17 @@ def test_folder_and_missing_file_are_told(tmp_path: Path) -> None:
     for path, why in ((tmp_path, "Is a directory"), (tmp_path / "none", "No such file or directory")):
         with pytest.raises(DocumentError, match=f"cannot be read: {why}"):
             read_bounded(path, 100)
+
+
+def test_file_comes_in_pieces_up_to_its_length(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(bytes(range(256)) * 600)
+    pieces = list(read_in_pieces(path, 1_000_000))
+    assert (b"".join(pieces), len(pieces[0])) == (path.read_bytes(), PIECE)
+    with pytest.raises(DocumentError, match="expected at most 1,000 bytes; it is longer"):
+        next(read_in_pieces(path, 1_000))
+    with pytest.raises(DocumentError, match="cannot be read: No such file"):
+        next(read_in_pieces(tmp_path / "b", 1_000))
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(DocumentError, match="expected a file, got a pipe"):
+        next(read_in_pieces(tmp_path / "pipe", 1_000))

@@ -10,6 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.library import DATA, DiskLibrary
+from tests.maps.opendrive.xodr_texts import document, road
 from tests.shell.files.conftest import Lay
 
 # Scenarios
@@ -159,6 +160,30 @@ def test_user_map_replaces_every_map(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert DiskLibrary(own_map="track").map("anything").name == "track"
     with pytest.raises(DocumentError, match="no map 'Busan'"):
         DiskLibrary(own_map="Busan").map("track")
+
+
+def test_opendrive_file_is_a_map_by_its_suffix_or_its_root(tmp_path: Path) -> None:
+    for name in ("a.xodr", "B.XODR", "c.xml"):
+        (tmp_path / name).write_bytes(document(road()))
+        assert DiskLibrary(own_map=str(tmp_path / name)).map("any").roads.ids == ("1.0.-1",)
+    assert DiskLibrary(own_map=str(tmp_path / "a.xodr")).map("any").name == "a"
+    (tmp_path / "d.xml").write_text("<osm/>")
+    with pytest.raises(DocumentError, match="OpenStreetMap is not read"):
+        DiskLibrary(own_map=str(tmp_path / "d.xml")).map("any")
+
+
+def test_scenario_names_an_opendrive_map_in_its_folders(tmp_path: Path) -> None:
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "Town.xodr").write_bytes(document(road()))
+    (tmp_path / "outside.xodr").write_bytes(document(road()))
+    (tmp_path / "inner" / "link.xodr").symlink_to(tmp_path / "outside.xodr")
+    library = DiskLibrary([tmp_path / "inner"])
+    town = library.map("Town")
+    assert town is library.map("Town.xodr")
+    assert (town.name, library.map_files("Town")) == ("Town", [tmp_path / "inner" / "Town.xodr"])
+    for name in ("../outside", "outside", "link", "link.xodr", "inner/Town"):
+        with pytest.raises(DocumentError, match="no map"):
+            library.map(name)
 
 
 def test_map_folder_without_its_files_is_an_error(tmp_path: Path) -> None:

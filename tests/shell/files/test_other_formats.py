@@ -39,9 +39,9 @@ def test_format_is_known_by_content_and_else_by_name(name: str, content: str, fo
 
 def test_formats_of_a_folder_are_listed_with_an_example(tmp_path: Path) -> None:
     assert find_other_formats(tmp_path / "gone") == find_other_formats(tmp_path) == ""
-    for name in ("b.xosc", "a.xosc", "c.xodr", "d.json"):
+    for name in ("b.xosc", "a.xosc", "c.xodr", "d.json", "e.osm"):
         (tmp_path / name).touch()
-    assert find_other_formats(tmp_path) == "OpenDRIVE is not read (c.xodr); OpenSCENARIO is not read (a.xosc)"
+    assert find_other_formats(tmp_path) == "OpenSCENARIO is not read (a.xosc); OpenStreetMap is not read (e.osm)"
 
 
 def test_scenario_or_map_in_another_format_is_refused_by_its_name(tmp_path: Path) -> None:
@@ -56,12 +56,18 @@ def test_scenario_or_map_in_another_format_is_refused_by_its_name(tmp_path: Path
     for name in ("cut-in.xosc", "gone.xosc", "x"):
         with pytest.raises(DocumentError, match=f"OpenSCENARIO is not read; {expected}"):
             library.scenario(name)
-    with pytest.raises(DocumentError, match=r"^map 'Town01.xodr': OpenDRIVE is not read; expected a folder of MGeo"):
-        library.map("Town01.xodr")
+    (tmp_path / "road.json").write_text(XODR)
+    with pytest.raises(DocumentError, match=f"OpenDRIVE is a map, which --map takes; {expected}"):
+        library.scenario("road")
+    with pytest.raises(DocumentError, match=r"^map 'Town01.osm': OpenStreetMap is not read; expected a folder of MGeo"):
+        library.map("Town01.osm")
     for name, content, said in (
-        ("a.xodr", XODR, "OpenDRIVE is not read"),
         ("a.net.xml", NET, "SUMO net is not read"),
-        ("a.zip", "PK", "expected a folder of MGeo files, or one of hills, .*; got a file"),
+        (
+            "a.zip",
+            "PK",
+            r"expected a folder of MGeo files or an OpenDRIVE .*, or one of hills, .*; got a file",
+        ),
     ):
         (tmp_path / name).write_text(content)
         with pytest.raises(DocumentError, match=f"{name}: {said}"):

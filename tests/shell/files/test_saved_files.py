@@ -215,7 +215,7 @@ def test_unknown_map_is_an_error_for_load_and_check(folder: Path) -> None:
     assert done.code == 1
     assert line.startswith(
         f"mapInfo.mapName: no map '{MAP_NAME}'; known are hills, loop, motorway, parking, roundabout, town, track,"
-        " and --map takes a folder."
+        " and --map takes a folder or a .xodr file."
     )
     shelf = DiskLibrary([folder / "Scenario"])
     with pytest.raises(DocumentError, match=f"no map '{MAP_NAME}'"):

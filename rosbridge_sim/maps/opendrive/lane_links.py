@@ -1,0 +1,282 @@
+"""Which lanes of OpenDRIVE roads follow one another, and which lie side by side.
+
+Ids of lanes say nothing about directions: two roads can meet with both starts. So links are first read as pairs of lane
+*ends* that touch; a lane then follows another one where the end of the one, in driving direction, touches the start of
+the other. Files often have only one of the two records of a link; each is enough.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece
+from rosbridge_sim.maps.opendrive.road_elements import (
+    ROADWAY,
+    Connection,
+    Junction,
+    LaneSection,
+    Road,
+    RoadEnd,
+    RoadMark,
+)
+
+GAP: Final = 0.01
+"""Lanes that follow one another farther apart than this are told [m]."""
+
+TORN: Final = 5.0
+"""Lanes farther apart than this do not follow one another, whatever the file says [m]."""
+
+MAX_TOLD: Final = 5
+"""Examples in a note."""
+
+
+class LaneEnd(NamedTuple):
+    """An end of a lane of a section."""
+
+    road: str
+    section: int
+    lane: int
+    is_start: bool
+
+
+_Rows = defaultdict[tuple[str, int, int], list[int]]
+"""Rows of the pieces of each lane of a section, along the road."""
+
+
+class Follows(NamedTuple):
+    """The rows of the lanes that follow each lane, and remarks about links."""
+
+    successors: list[list[int]]
+    notes: list[str]
+
+
+def find_followers(roads: Mapping[str, Road], junctions: Collection[Junction], pieces: Sequence[LanePiece]) -> Follows:
+    """Find the lanes that follow each lane.
+
+    Args:
+        pieces: all lanes of the map.
+    """
+    rows: _Rows = defaultdict(list)
+    for row, piece in enumerate(pieces):
+        rows[piece.road, piece.section, piece.lane].append(row)
+    found: list[dict[int, None]] = [{} for _ in pieces]  # sets in order
+    for own in rows.values():
+        for before, after in pairwise(own):
+            first, last = (before, after) if pieces[before].is_forward else (after, before)
+            found[first][last] = None
+    told: dict[str, dict[str, None]] = {what: {} for what in _REMARKS}
+    for ends in _touching(roads, junctions, told[_LOST]):
+        one, other = joined = _nearest_ends(roads, pieces, rows, ends)
+        if not (rows[one[:3]] and rows[other[:3]]):
+            continue  # a sidewalk, or a lane without a width
+        if joined != ends:
+            told[_TURNED][f"road {one.road} - road {other.road}"] = None
+        leaves, enters = (pieces[_row(rows, end)].is_forward != end.is_start for end in joined)
+        if leaves == enters:
+            continue
+        first, last = (_row(rows, end) for end in (joined if leaves else joined[::-1]))
+        if pieces[first].is_cut[1] or pieces[last].is_cut[0]:
+            told[_NARROW][f"{pieces[first].name} -> {pieces[last].name}"] = None
+        else:
+            found[first][last] = None
+    notes = [_told(what, list(names)) for what, names in told.items() if names]
+    return Follows(*_measure_joins(pieces, [list(each) for each in found], notes))
+
+
+_LOST, _TURNED, _NARROW = _REMARKS = (
+    "links to roads and lanes that are not there",
+    "links name the wrong end of a road; the near one is taken",
+    "links at the end of a lane where it has no width are left out",
+)
+
+
+def _row(rows: _Rows, end: LaneEnd) -> int:
+    """Return the row of the lane at an end of a lane of a section."""
+    return rows[end[:3]][0 if end.is_start else -1]
+
+
+def _nearest_ends(
+    roads: Mapping[str, Road], pieces: Sequence[LanePiece], rows: _Rows, ends: tuple[LaneEnd, LaneEnd]
+) -> tuple[LaneEnd, LaneEnd]:
+    """Return the ends of a link; with the other end of one road if the ones that it names are far apart."""
+    if ends[0].road == ends[1].road or not all(rows[end[:3]] for end in ends):
+        return ends
+
+    def apart(pair: tuple[LaneEnd, LaneEnd]) -> float:
+        lines = [(pieces[_row(rows, end)], end.is_start) for end in pair]
+        one, other = (piece.line[0 if piece.is_forward == is_start else -1] for piece, is_start in lines)
+        return float(np.linalg.norm(one - other))
+
+    best = ends
+    if apart(ends) > TORN:
+        turned = [(_other_end(roads, ends[0]), ends[1]), (ends[0], _other_end(roads, ends[1]))]
+        near = [pair for pair in turned if all(rows[end[:3]] for end in pair) and apart(pair) < TORN]
+        best = min(near, key=apart, default=ends)
+    return best
+
+
+def _other_end(roads: Mapping[str, Road], end: LaneEnd) -> LaneEnd:
+    """Return the end of the lane with the same id at the other end of the road."""
+    last = len(roads[end.road].sections) - 1
+    return LaneEnd(end.road, last if end.is_start else 0, end.lane, not end.is_start)
+
+
+def _touching(  # noqa: C901 - records of lanes lie four levels deep
+    roads: Mapping[str, Road], junctions: Collection[Junction], lost: dict[str, None]
+) -> Iterator[tuple[LaneEnd, LaneEnd]]:
+    """Yield the pairs of ends of lanes that the file joins; what is not there is put into `lost`."""
+    for road in roads.values():
+        last = len(road.sections) - 1
+        for number, section in enumerate(road.sections):
+            for name, lane in section.lanes.items():
+                for is_start, ids in ((True, lane.predecessors), (False, lane.successors)):
+                    own = LaneEnd(road.id, number, name, is_start)
+                    for other in ids:
+                        if number != (0 if is_start else last):
+                            yield own, LaneEnd(road.id, number + (-1 if is_start else 1), other, not is_start)
+                            continue
+                        end = road.before if is_start else road.after
+                        if far := _end_of(roads, end, other):
+                            yield own, far
+                        elif end is not None and end.road:
+                            lost[f"road {road.id} lane {name} -> road {end.road} lane {other}"] = None
+    for junction in junctions:
+        for connection in junction.connections:
+            yield from _connected(roads, junction, connection, lost)
+
+
+def _connected(
+    roads: Mapping[str, Road], junction: Junction, connection: Connection, lost: dict[str, None]
+) -> Iterator[tuple[LaneEnd, LaneEnd]]:
+    """Yield the pairs of ends that a connection of a junction joins."""
+    incoming, connecting = roads.get(connection.incoming), roads.get(connection.connecting)
+    where = f"junction {junction.id}: road {connection.incoming} -> road {connection.connecting}"
+    if incoming is None or connecting is None:
+        lost[where] = None
+        return
+    end = connecting.before if connection.is_start else connecting.after
+    sides = [
+        is_start
+        for is_start, own in ((True, incoming.before), (False, incoming.after))
+        if own is not None and own.junction == junction.id
+    ]
+    if end is not None and end.road == incoming.id:
+        sides = [end.is_start]
+    if len(sides) != 1:
+        lost[where] = None
+        return
+    for one, other in connection.links:
+        pair = [
+            _end_of(roads, RoadEnd(road.id, is_start=is_start), lane)
+            for road, is_start, lane in ((incoming, sides[0], one), (connecting, connection.is_start, other))
+        ]
+        if pair[0] and pair[1]:
+            yield pair[0], pair[1]
+        else:
+            lost[f"{where}: lanes {one} -> {other}"] = None
+
+
+def _end_of(roads: Mapping[str, Road], end: RoadEnd | None, lane: int) -> LaneEnd | None:
+    """Return the end of a lane at an end of a road; None where either is not there."""
+    road = roads.get(end.road) if end is not None else None
+    if road is None or end is None:
+        return None
+    section = 0 if end.is_start else len(road.sections) - 1
+    return LaneEnd(road.id, section, lane, end.is_start) if lane in road.sections[section].lanes else None
+
+
+def _measure_joins(
+    pieces: Sequence[LanePiece], successors: list[list[int]], notes: list[str]
+) -> tuple[list[list[int]], list[str]]:
+    """Take out the joins that are torn, and add notes about them and about gaps."""
+    ends = [(row, after) for row, own in enumerate(successors) for after in own]
+    gaps = [float(np.linalg.norm(pieces[after].line[0] - pieces[row].line[-1])) for row, after in ends]
+    order = sorted(range(len(ends)), key=lambda i: -gaps[i])
+    texts = [f"{pieces[ends[i][0]].name} -> {pieces[ends[i][1]].name} {gaps[i]:.2f} m" for i in order if gaps[i] > GAP]
+    num_torn = sum(gap > TORN for gap in gaps)
+    for i in order[:num_torn]:
+        row, after = ends[i]
+        successors[row].remove(after)
+    if num_torn:
+        notes.append(
+            _told(f"lanes that are linked over more than {TORN:g} m do not follow one another", texts[:num_torn])
+        )
+    if len(texts) > num_torn:
+        notes.append(_told(f"lanes that follow one another over a gap of more than {100 * GAP:g} cm", texts[num_torn:]))
+    return successors, notes
+
+
+def _told(what: str, names: Sequence[str]) -> str:
+    more = ", ..." if len(names) > MAX_TOLD else ""
+    return f"{len(names):,} {what}: {', '.join(names[:MAX_TOLD])}{more}"
+
+
+# Side by side
+
+
+def find_neighbours(roads: Mapping[str, Road], pieces: Sequence[LanePiece]) -> tuple[list[int], list[int]]:
+    """Return for each lane the rows of the lanes to its left and right that a vehicle may change into, or -1.
+
+    The line between is the outer mark of the inner lane. It forbids a change where the line on the side of the vehicle
+    is solid; `laneChange` does not count, because many programs write "none" everywhere.
+    """
+    rows = {(piece.road, piece.section, piece.lane, piece.piece): row for row, piece in enumerate(pieces)}
+    left, right = [-1] * len(pieces), [-1] * len(pieces)
+    for row, piece in enumerate(pieces):
+        road = roads[piece.road]
+        section = road.sections[piece.section]
+        middle = float(piece.s[0] + piece.s[-1]) / 2.0 - section.start
+        for step in (-1, 1):  # towards lane 0, and away from it
+            other = piece.lane + (step if piece.lane > 0 else -step)
+            beside = rows.get((piece.road, piece.section, other, piece.piece), -1)
+            if beside < 0 or "parking" in {section.lanes[piece.lane].type, section.lanes[other].type}:
+                continue
+            inner = other if step < 0 else piece.lane
+            if not forbids_change(_mark_at(section.lanes[inner].marks, middle), is_outwards=step > 0):
+                side = left if (step < 0) != road.is_left_hand else right
+                side[row] = beside
+    return left, right
+
+
+def _mark_at(marks: Sequence[RoadMark], s: float) -> str:
+    """Return the type of the mark that holds at a place of a section."""
+    return next((mark.type for mark in reversed(marks) if mark.s <= s), "none")
+
+
+def forbids_change(mark_type: str, *, is_outwards: bool) -> bool:
+    """Return whether one may not change over a mark: outwards, away from lane 0, its first word counts."""
+    words = mark_type.split()
+    return bool(words) and words[0 if is_outwards else -1] in {"solid", "curb"}
+
+
+def find_cuts(road: Road, section: LaneSection) -> set[float]:
+    """Return the places along a road at which a section is cut: its speed limits or permitted lane changes differ."""
+    cuts = {s for s, _ in road.speeds}
+    for name, lane in section.lanes.items():
+        if name and lane.type in ROADWAY:
+            cuts |= {section.start + s for s, _ in lane.speeds}
+            outer = section.lanes.get(name + (1 if name > 0 else -1))
+            if outer is not None and outer.type in ROADWAY:
+                cuts |= {
+                    section.start + after.s
+                    for before, after in pairwise(lane.marks)
+                    if any(
+                        forbids_change(before.type, is_outwards=way) != forbids_change(after.type, is_outwards=way)
+                        for way in (True, False)
+                    )
+                }
+    return cuts
+
+
+def spread_cuts(cuts: Collection[float], section: LaneSection) -> list[float]:
+    """Return the cuts that lie within a section and `NEAR_CUT` apart from its ends and one another, rising."""
+    kept: list[float] = [section.start]
+    for cut in sorted(cuts):
+        if cut - kept[-1] > NEAR_CUT and section.end - cut > NEAR_CUT:
+            kept.append(cut)
+    return kept[1:]

@@ -1,0 +1,181 @@
+"""OpenDRIVE files: the pieces of a file -> the map.
+
+A road is laid out as soon as its element is complete, and its element is dropped then. Links, lights and the rest
+follow when all roads are known.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.mgeo import NO_PROJECTION, read_projection
+from rosbridge_sim.maps.opendrive.lane_layout import LanePiece, SectionLayout, lay_lanes, paint_marks
+from rosbridge_sim.maps.opendrive.lane_links import find_cuts, find_followers, find_neighbours, spread_cuts
+from rosbridge_sim.maps.opendrive.road_elements import (
+    MAX_COORDINATE,
+    READ,
+    ROADWAY,
+    Junction,
+    Road,
+    count_unused,
+    read_junction,
+    read_road,
+)
+from rosbridge_sim.maps.road_map import Border, Projection, RoadMap
+from rosbridge_sim.maps.road_positions import RoadPositions, RoadSpan
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.surface import Surface
+from rosbridge_sim.xml_documents import Element, read_children
+
+ROOT: Final = "OpenDRIVE"
+
+MAX_POINTS: Final = 5_000_000
+"""Points of all lanes, as in MGeo maps."""
+
+MAX_LANES: Final = 100_000
+
+MAX_KINDS: Final = 20
+"""Kinds of unused elements that a note names."""
+
+
+def read_opendrive(pieces: Iterable[bytes], source: str) -> RoadMap:
+    """Read a map.
+
+    Args:
+        pieces: the file's bytes, in pieces of any length.
+        source: path of the file, for errors; its last part without the suffix is the map's name.
+
+    Raises:
+        DocumentError: one line: file, line, element with its id, expected value, actual value.
+    """
+    name = re.split(r"[\\/]", source)[-1]
+    reading = _Reading()
+    for element in read_children(pieces, name, ROOT):
+        reading.take(element)
+    return reading.finish(re.sub(r"\.xodr$", "", name, flags=re.IGNORECASE), name)
+
+
+class _Reading:
+    """What was read so far."""
+
+    def __init__(self) -> None:
+        self._projection, self._origin = NO_PROJECTION, (0.0, 0.0, 0.0)
+        self._roads: dict[str, Road] = {}
+        self._junctions: dict[str, Junction] = {}
+        self._pieces: list[LanePiece] = []
+        self._borders: list[Border] = []
+        self._num_points = 0
+        self._unused: Counter[str] = Counter()
+        self._lane_types: Counter[str] = Counter()
+        self._narrow: list[str] = []
+        self._notes: list[str] = []
+
+    def take(self, element: Element) -> None:
+        """Take a child of the root."""
+        count_unused(element, self._unused)
+        if element.tag == "road":
+            self._take_road(element)
+        elif element.tag == "junction":
+            junction = read_junction(element)
+            if junction.id in self._junctions:
+                raise element.error("id", "each junction once", junction.id)
+            self._junctions[junction.id] = junction
+        elif element.tag == "header":
+            self._take_header(element)
+        elif element.tag not in READ:
+            self._unused[element.tag] += 1
+
+    def finish(self, name: str, source: str) -> RoadMap:
+        """Return the map."""
+        pieces = self._pieces
+        if not pieces:
+            got = ", ".join(f"{num:,} of type {kind}" for kind, num in self._lane_types.most_common()) or "none"
+            raise DocumentError(f"{source}: expected at least one lane to drive on, got {got}")
+        successors, link_notes = find_followers(self._roads, self._junctions.values(), pieces)
+        left, right = find_neighbours(self._roads, pieces)
+        roads = Roads(
+            [piece.name for piece in pieces],
+            [piece.line for piece in pieces],
+            successors,
+            [piece.width for piece in pieces],
+            [piece.speed_limit for piece in pieces],
+            left=left,
+            right=right,
+            borders={row: piece.border for row, piece in enumerate(pieces)},
+            banks={row: piece.bank for row, piece in enumerate(pieces) if piece.bank is not None},
+        )
+        if not roads.is_flat:
+            roads.derived(Surface)  # here and not at the first step: a large map needs a second
+        return RoadMap(
+            *(name, self._projection, self._origin, roads),
+            notes=(*self._notes, *link_notes, *self._final_notes()),
+            borders=tuple(self._borders),
+            positions=RoadPositions(roads, [RoadSpan(one.road, one.lane, one.s, one.aside) for one in pieces]),
+        )
+
+    def _take_header(self, element: Element) -> None:
+        offset = element.first("offset")
+        if offset is not None:
+            x, y, z = (offset.number(key, 0.0, -MAX_COORDINATE, MAX_COORDINATE) for key in "xyz")
+            self._origin = (x, y, z)
+            if offset.number("hdg", 0.0):
+                self._notes.append("the header's offset has a heading, which is not used: positions of GPS are turned")
+        found = element.first("geoReference")
+        text = "" if found is None else found.text.strip()
+        if not text:
+            self._notes.append("there is no <geoReference>, so /gps has no fix")
+            return
+        self._projection = self._read_projection(text)
+
+    def _read_projection(self, text: str) -> Projection:
+        try:
+            return read_projection(text, "<geoReference>")
+        except DocumentError as error:
+            self._notes.append(f"no fix of /gps: {error}")
+            return NO_PROJECTION
+
+    def _take_road(self, element: Element) -> None:
+        road = read_road(element)
+        if road.id in self._roads:
+            raise element.error("id", "each road once", road.id)
+        self._roads[road.id] = road
+        cuts = {number: find_cuts(road, section) for number, section in enumerate(road.sections)}
+        for number, section in enumerate(road.sections):
+            kept = spread_cuts(cuts[number], section)
+            layout = SectionLayout(road, section, kept)
+            self._num_points += len(layout.s) * len(layout.edges)
+            if self._num_points > MAX_POINTS:
+                raise element.error("", f"a map of at most {MAX_POINTS:,} points; this road is one too many")
+            own = list(lay_lanes(road, number, layout, kept))
+            self._pieces += own
+            self._borders += paint_marks(road, number, layout)
+            self._count_left_out(road, number, own)
+            if len(self._pieces) > MAX_LANES:
+                raise element.error("", f"a map of at most {MAX_LANES:,} lanes; this road is one too many")
+
+    def _count_left_out(self, road: Road, number: int, own: Sequence[LanePiece]) -> None:
+        laid = {piece.lane for piece in own}
+        for name, lane in road.sections[number].lanes.items():
+            if name and lane.type not in ROADWAY:
+                self._lane_types[lane.type] += 1
+            elif name and name not in laid:
+                self._narrow.append(f"{road.id}.{number}.{name}")
+
+    def _final_notes(self) -> list[str]:
+        """Return the notes about what was left out, at the end of those about mistakes."""
+        notes = []
+        if self._narrow:
+            shown = ", ".join(self._narrow[:5]) + (", ..." if len(self._narrow) > 5 else "")  # noqa: PLR2004 - examples
+            notes.append(f"{len(self._narrow):,} lanes without width or length are left out: {shown}")
+        if self._lane_types:
+            kinds = ", ".join(f"{num:,} of type {kind}" for kind, num in self._lane_types.most_common(MAX_KINDS))
+            notes.append(f"lanes that are no road for vehicles are left out: {kinds}")
+        if self._unused:
+            kinds = ", ".join(f"{num:,} {kind}" for kind, num in self._unused.most_common(MAX_KINDS))
+            more = ", ..." if len(self._unused) > MAX_KINDS else ""
+            notes.append(f"elements that have no meaning here: {kinds}{more}")
+        return notes

@@ -1,0 +1,160 @@
+"""Reference lines and polynomials of OpenDRIVE roads: places and directions at given distances along a road.
+
+A reference line is a row of shapes (ASAM OpenDRIVE 1.8, section 9). Each begins at its own place with its own
+direction, and is described in its own frame: u along the direction at its start, v to the left. Polynomials (widths,
+heights, ...) hold from their own s to the next one; their variable is the distance from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.records import Record
+from rosbridge_sim.world.geometry.planar import FloatArray
+
+SHORT: Final = 1e-6
+"""Places closer together than this are one [m]: files have 16 digits, but exporters compute."""
+
+PANEL: Final = 1.0
+"""Integration of a spiral goes in steps of at most this [m]; with 8 nodes for each it is exact to 1e-10 m."""
+
+POLY3_STEP: Final = 0.05
+"""Lengths along a poly3 are known at steps of this [m]: it is exact to 0.02 mm where the radius is over 10 m."""
+
+MAX_STEPS: Final = 20_000
+"""Steps of one shape; longer ones are measured in longer steps."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+Local = tuple[FloatArray, FloatArray, FloatArray]
+"""u and v [m] and the direction in the shape's own frame [rad], (n,) each."""
+
+
+class PlanShape(Record):
+    """A piece of a reference line.
+
+    Attributes:
+        s: distance along the road at which it begins [m].
+        x, y: its start in the map frame [m].
+        heading: its direction there [rad].
+        length: along it [m].
+        kind: a key of `SHAPES`.
+        figures: those that its kind needs, see there.
+    """
+
+    s: float
+    x: float
+    y: float
+    heading: float
+    length: float
+    kind: str
+    figures: tuple[float, ...] = ()
+
+
+def place_on(shapes: Sequence[PlanShape], s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return places on a reference line.
+
+    Args:
+        shapes: one or more, by rising s.
+        s: (n,) rising distances along the road; the first one counts as behind a joint there, the last one as before
+            it [m].
+
+    Returns:
+        (n,) x, y [m] and heading [rad].
+    """
+    which = rows_at(np.array([shape.s for shape in shapes]), s)
+    x, y, heading = np.empty(len(s)), np.empty(len(s)), np.empty(len(s))
+    for row in np.unique(which).tolist():
+        shape, own = shapes[row], which == row
+        u, v, turn = SHAPES[shape.kind](s[own] - shape.s, shape.length, *shape.figures)
+        cos, sin = np.cos(shape.heading), np.sin(shape.heading)
+        x[own], y[own] = shape.x + cos * u - sin * v, shape.y + sin * u + cos * v
+        heading[own] = shape.heading + turn
+    return x, y, heading
+
+
+def rows_at(starts: FloatArray, s: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+    """Return the row of the record that holds at each place, (n,); see `place_on` for the first and the last place."""
+    places = s.copy()
+    places[0] += SHORT
+    places[-1] -= SHORT
+    return np.maximum(np.searchsorted(starts, places, side="right") - 1, 0)
+
+
+def evaluate(cubics: FloatArray, s: FloatArray) -> FloatArray:
+    """Return the values of polynomials.
+
+    Args:
+        cubics: (k, 5) s, a, b, c, d by rising s; without any the values are 0.
+        s: (n,) as for `place_on` [m].
+
+    Returns:
+        (n,) a + b d + c d^2 + d d^3, where the distance d counts from the record's s.
+    """
+    if not len(cubics):
+        return np.zeros(len(s))
+    start, a, b, c, d = cubics[rows_at(cubics[:, 0], s)].T
+    away = s - start
+    return np.asarray(a + away * (b + away * (c + away * d)))
+
+
+def _line(along: FloatArray, _: float) -> Local:
+    return along, np.zeros(len(along)), np.zeros(len(along))
+
+
+def _arc(along: FloatArray, length: float, curvature: float) -> Local:
+    if not curvature:
+        return _line(along, length)
+    turn = curvature * along
+    # 1 - cos(turn), without the cancellation for small angles
+    return np.sin(turn) / curvature, 2.0 * np.square(np.sin(0.5 * turn)) / curvature, turn
+
+
+def _spiral(along: FloatArray, length: float, start: float, end: float) -> Local:
+    """Return places on a clothoid: its curvature changes evenly from `start` to `end` [1/m]."""
+    rate = (end - start) / length
+    grid = np.linspace(0.0, length, min(int(length / PANEL) + 2, MAX_STEPS))
+    at, back = np.unique(np.concatenate([[0.0], grid, along]), return_inverse=True)
+    half = 0.5 * np.diff(at)[:, None]
+    inner = at[:-1, None] + half * (1.0 + _NODES)
+    turn = inner * (start + 0.5 * rate * inner)
+    steps = [half[:, 0] * (wave @ _WEIGHTS) for wave in (np.cos(turn), np.sin(turn))]
+    zero = int(np.searchsorted(at, 0.0))
+    u, v = (np.concatenate([[0.0], np.cumsum(step)]) for step in steps)
+    own = back[1 + len(grid) :]
+    return (u - u[zero])[own], (v - v[zero])[own], along * (start + 0.5 * rate * along)
+
+
+def _poly3(along: FloatArray, length: float, *cubic: float) -> Local:
+    """Return places on v(u) = a + b u + c u^2 + d u^3; the length counts along the curve, which u does not."""
+    a, b, c, d = cubic
+    u = np.linspace(0.0, length, min(int(length / POLY3_STEP) + 2, MAX_STEPS))
+    half = 0.5 * np.diff(u)[:, None]
+    inner = u[:-1, None] + half * (1.0 + _NODES)
+    steps = half[:, 0] * (np.hypot(1.0, b + inner * (2.0 * c + 3.0 * d * inner)) @ _WEIGHTS)
+    u = np.interp(along, np.concatenate([[0.0], np.cumsum(steps)]), u)
+    return u, a + u * (b + u * (c + u * d)), np.arctan(b + u * (2.0 * c + 3.0 * d * u))
+
+
+def _param_poly3(along: FloatArray, length: float, is_normalized: float, *figures: float) -> Local:
+    """Return places on a pair of polynomials u(p), v(p); p counts metres, or goes from 0 to 1 (without `pRange`)."""
+    p = along / length if is_normalized else along
+    (u, du), (v, dv) = (
+        (a + p * (b + p * (c + p * d)), b + p * (2.0 * c + 3.0 * d * p)) for a, b, c, d in (figures[:4], figures[4:])
+    )
+    return u, v, np.arctan2(dv, du)
+
+
+SHAPES: Final[Mapping[str, Callable[..., Local]]] = {
+    "line": _line,
+    "arc": _arc,
+    "spiral": _spiral,
+    "poly3": _poly3,
+    "paramPoly3": _param_poly3,
+}
+"""Shapes by the name of their element: functions of (n,) distances from the shape's start, its length and figures.
+These are, in turn: none; curvature [1/m]; curvature at the start and the end; a, b, c, d; whether p is normalized,
+then a, b, c, d of u and of v."""

@@ -1,0 +1,139 @@
+"""Which lanes follow one another and lie side by side: roads, sections, junctions, wrong ends, gaps, marks."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rosbridge_sim.maps.opendrive.lane_links import forbids_change
+from tests.maps.opendrive.xodr_texts import follows, geometry, joined, lane, link, read, road, section
+
+BOTH = section([lane(1), lane(0), lane(-1)])
+
+
+def test_lanes_of_sections_follow_one_another_by_either_record() -> None:
+    first = section([lane(2), lane(1), lane(0), lane(-1, link(after=-2))])
+    second = section([lane(1, link(before=2)), lane(0), lane(-1), lane(-2)], 50.0)
+    assert follows(read(road(sections=first + second))) == {"1.0.-1": ["1.1.-2"], "1.1.1": ["1.0.2"]}
+
+
+@pytest.mark.parametrize(("contact", "hdg", "x"), [("start", 0.0, 100.0), ("end", math.pi, 200.0)])
+def test_roads_are_joined_by_the_ends_that_touch(contact: str, hdg: float, x: float) -> None:
+    """At a join of two starts or two ends the ids change their sign."""
+    other = -1 if contact == "start" else 1
+    one = road(
+        "1", sections=section([lane(0), lane(-1, link(after=other))]), links=joined("successor", "road", "2", contact)
+    )
+    two = road("2", plan=geometry(x=x, hdg=hdg), sections=BOTH)
+    assert follows(read(one, two)) == {"1.0.-1": [f"2.0.{other}"]}
+
+
+def junction(*connections: str, kind: str = "default") -> str:
+    return f'<junction id="9" name="" type="{kind}">{"".join(connections)}</junction>'
+
+
+def connection(one: str, two: str, links: dict[int, int], contact: str = "start", key: str = "connectingRoad") -> str:
+    inner = "".join(f'<laneLink from="{a}" to="{b}"/>' for a, b in links.items())
+    return f'<connection id="0" incomingRoad="{one}" {key}="{two}" contactPoint="{contact}">{inner}</connection>'
+
+
+def crossing(contact: str = "end") -> list[str]:
+    """A road from the west, a connecting road within the junction, and a road to the east."""
+    return [
+        road("1", sections=BOTH, links=joined("successor", "junction", "9")),
+        road(
+            "5",
+            plan=geometry(length=20.0, x=100.0),
+            length=20.0,
+            junction="9",
+            sections=section([lane(0), lane(-1, link(-1, -1))]),
+            links=joined("predecessor", "road", "1", contact) + joined("successor", "road", "2"),
+        ),
+        road("2", plan=geometry(x=120.0), sections=BOTH, links=joined("predecessor", "junction", "9")),
+    ]
+
+
+def test_junction_joins_incoming_connecting_and_outgoing_road() -> None:
+    expected = {"1.0.-1": ["5.0.-1"], "5.0.-1": ["2.0.-1"]}
+    assert follows(read(*crossing(), junction(connection("1", "5", {-1: -1})))) == expected
+
+
+def test_direct_junction_joins_roads_without_a_connecting_one() -> None:
+    parts = [
+        road("1", sections=section([lane(0), lane(-1), lane(-2)]), links=joined("successor", "junction", "9")),
+        road("2", plan=geometry(x=100.0), links=joined("predecessor", "junction", "9")),
+        road("3", plan=geometry(x=100.0, y=-3.5), links=joined("predecessor", "junction", "9")),
+    ]
+    links = [connection("1", name, {lane_id: -1}, key="linkedRoad") for name, lane_id in (("2", -1), ("3", -2))]
+    assert follows(read(*parts, junction(*links, kind="direct"))) == {"1.0.-1": ["2.0.-1"], "1.0.-2": ["3.0.-1"]}
+
+
+def test_link_to_the_far_end_of_a_road_is_taken_to_the_near_one_and_told() -> None:
+    """An early exporter of MORAI wrote all contact points the wrong way round."""
+    road_map = read(*crossing("start"), junction(connection("1", "5", {-1: -1})))
+    assert follows(road_map) == {"1.0.-1": ["5.0.-1"], "5.0.-1": ["2.0.-1"]}
+    assert any("wrong end of a road; the near one is taken: road 5 - road 1" in note for note in road_map.notes)
+
+
+def test_gaps_are_told_and_lanes_that_are_torn_do_not_follow() -> None:
+    near = road("2", plan=geometry(x=100.2))
+    far = road("3", plan=geometry(x=300.0))
+    lanes = section([lane(0), lane(-1, link(after=-1))])
+    for other, told, after in (
+        (near, "1 lanes that follow one another over a gap of more than 1 cm: 1.0.-1 -> 2.0.-1 0.20 m", ["2.0.-1"]),
+        (far, "1 lanes that are linked over more than 5 m do not follow one another: 1.0.-1 -> 3.0.-1 200.00 m", []),
+    ):
+        name = "2" if after else "3"
+        road_map = read(road("1", sections=lanes, links=joined("successor", "road", name)), other)
+        assert told in road_map.notes
+        assert follows(road_map) == ({"1.0.-1": after} if after else {})
+
+
+def test_link_to_nothing_and_link_without_width_are_told() -> None:
+    gone = road("1", sections=section([lane(0), lane(-1, link(after=-3))]), links=joined("successor", "road", "7"))
+    notes = read(gone, junction(connection("1", "8", {-1: -1}))).notes
+    assert any(
+        "2 links to roads and lanes that are not there: road 1 lane -1 -> road 7 lane -3, junction 9: road 1 -> road 8"
+        in note
+        for note in notes
+    )
+    closing = '<width sOffset="0" a="3.5" b="-0.07" c="0" d="0"/>'
+    first = section([lane(0), lane(-1), lane(-2, link(after=-1), width=closing)])
+    road_map = read(road(sections=first + section([lane(0), lane(-1)], 50.0)))
+    assert any("1 links at the end of a lane where it has no width are left out" in note for note in road_map.notes)
+    assert follows(road_map) == {}
+
+
+@pytest.mark.parametrize(
+    ("mark", "outwards", "inwards"),
+    [
+        ("broken", False, False),
+        ("solid", True, True),
+        ("none", False, False),
+        ("solid broken", True, False),
+        ("broken solid", False, True),
+        ("solid solid", True, True),
+        ("curb", True, True),
+    ],
+)
+def test_solid_line_on_the_side_of_the_vehicle_forbids_a_change(mark: str, outwards: bool, inwards: bool) -> None:  # noqa: FBT001
+    assert forbids_change(mark, is_outwards=True) == outwards
+    assert forbids_change(mark, is_outwards=False) == inwards
+    lanes = [lane(0), lane(-1, f'<roadMark sOffset="0" type="{mark}" laneChange="none"/>'), lane(-2)]
+    roads = read(road(sections=section(lanes))).roads
+    inner, outer = roads.row("1.0.-1"), roads.row("1.0.-2")
+    assert (roads.right[inner], roads.left[outer]) == (-1 if outwards else outer, -1 if inwards else inner)
+    assert (roads.left[inner], roads.right[outer]) == (-1, -1)
+
+
+def test_lanes_are_cut_where_a_change_becomes_forbidden() -> None:
+    marks = '<roadMark sOffset="0" type="broken"/><roadMark sOffset="70" type="solid"/>'
+    roads = read(road(sections=section([lane(0), lane(-1, marks), lane(-2)]))).roads
+    assert roads.ids == ("1.0.-1", "1.0.-1.1", "1.0.-2", "1.0.-2.1")
+    assert (roads.right.tolist(), roads.left.tolist()) == ([2, -1, -1, -1], [-1, -1, 0, -1])
+
+
+def test_parking_lane_and_oncoming_lane_are_no_neighbours() -> None:
+    roads = read(road(sections=section([lane(1), lane(0), lane(-1), lane(-2, kind="parking")]))).roads
+    assert roads.left.tolist() == roads.right.tolist() == [-1, -1, -1]
