@@ -116,7 +116,7 @@ def test_body_can_be_json_or_yaml(text: str, value: object) -> None:
         ("{x: 99999999999999999999999}", "MESSAGE: expected what JSON can hold: Integer exceeds 64-bit range"),
         ("&a [*a]", "MESSAGE: expected what JSON can hold: Recursion limit reached"),
         ("!!python/object:os.system x", "MESSAGE:1:1: expected JSON, or YAML"),
-        ("[" * 20_000, "MESSAGE: expected JSON, or YAML such as '{x: 1}'"),
+        ("[" * 3_000, "MESSAGE: expected JSON, or YAML such as '{x: 1}'"),
         ("{d: 2020-13-45}", "MESSAGE"),
     ],
 )
