@@ -1,7 +1,8 @@
 """Mutations of valid documents, for tests of decoders.
 
 An edit is a few plain numbers that hypothesis draws and shrinks; `spoil` and `damage` apply edits to a document that is
-known to be good. `examples` says how many of them a test tries: few by default, more for `scripts/soak/fuzz.py`.
+known to be good. `examples` says how many of them a test tries: few in the quick run, more with `--long`, and most by
+`scripts/soak/fuzz.py`.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ ODD: tuple[Any, ...] = (
 
 
 def examples(num: int) -> settings:
-    """Settings of a test that tries so many documents, or a multiple of that."""
-    return settings(max_examples=num * FACTOR, deadline=None, suppress_health_check=list(HealthCheck))
+    """Settings of a test that tries so many documents with `--long`, a multiple of that, or a quarter of it."""
+    is_quick = FACTOR == 1 and settings.get_current_profile_name() != "long"
+    tried = max(num // 4, 5) if is_quick else num * FACTOR
+    return settings(max_examples=tried, deadline=None, suppress_health_check=list(HealthCheck))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import math
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
@@ -16,6 +16,7 @@ from rosbridge_sim.protocol import json_decoding
 from rosbridge_sim.protocol.json_decoding import decode_frame
 from rosbridge_sim.protocol.long_lists import LONG_LIST, put_in_lists, take_out_lists
 from rosbridge_sim.protocol.ops import Publish
+from tests.mutations import examples
 from tests.support import finish
 
 
@@ -66,7 +67,7 @@ def test_value_is_that_of_one_call(value: object, num: int, space: str) -> None:
     assert plain(found) == value
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(
     before=st.text(max_size=30),
     numbers=st.lists(st.integers(-(2**31), 2**31), min_size=1, max_size=5),

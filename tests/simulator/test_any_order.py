@@ -9,12 +9,13 @@ from typing import Any
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.simulator.sync.sync_table import MAX_WAITING_COMMANDS
 from rosbridge_sim.world.state.world import Kind
+from tests.mutations import examples
 from tests.simulator.memory_recordings import MemoryRecordings
 from tests.simulator.sim_harness import SCENARIOS, Client, SimHarness, make_store
 
@@ -125,7 +126,7 @@ def act(harness: SimHarness, client: Client, name: str, body: dict[str, Any]) ->
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     st.lists(st.tuples(st.integers(0, 1), acts()), max_size=25),
     st.sampled_from(["run", "sync"]),

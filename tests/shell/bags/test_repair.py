@@ -6,7 +6,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -18,6 +18,7 @@ from rosbridge_sim.shell.bags.bag import Bag, open_bag
 from rosbridge_sim.shell.bags.repair import repair, repaired_name
 from tests.cli.tool_fixture import run
 from tests.conftest import Connect
+from tests.mutations import examples
 from tests.shell.bags.bag_reading import read_bag
 from tests.support import ServerProcess
 
@@ -147,7 +148,7 @@ def test_damaged_chunk_is_skipped(tmp_path: Path, name: str) -> None:
     assert found.num_damaged == 1
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
+@examples(40)
 @given(
     name=st.sampled_from(["drive.bag", "drive.mcap"]),
     at=st.integers(0, 10_000),

@@ -6,13 +6,14 @@ import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue, find_model
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.world.state.world import Kind
+from tests.mutations import examples
 
 TOML = """
 # ours
@@ -209,7 +210,7 @@ def _folder(path: Path) -> Path:
     return path
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(text=st.text(st.sampled_from("[]=,;\"'\n #model30.A-"), max_size=60), is_toml=st.booleans())
 def test_any_text_gives_a_catalogue_or_one_error_line(
     text: str,

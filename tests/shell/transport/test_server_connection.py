@@ -13,7 +13,7 @@ from math import inf
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
@@ -24,6 +24,7 @@ from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.transport import server_connection
 from rosbridge_sim.shell.transport.server_connection import COMPRESSED_AT_ONCE, MAX_HELD, DirectConnection, Receiver
+from tests.mutations import examples
 from tests.support import PATIENCE
 
 MAX_SIZE = 70_000
@@ -350,7 +351,7 @@ async def test_bytes_one_by_one_give_the_same_messages_as_at_once(name: str) -> 
     )
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     cuts=st.lists(st.integers(0, 6_000), max_size=6).map(sorted),
     names=st.lists(st.sampled_from(["many", "binary", "ping and pong", "fragments with a ping between"]), max_size=4),

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any, Literal
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -16,6 +16,7 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.replays.object_list_decoder import decode_object_lists
 from rosbridge_sim.world.state.world import Kind
+from tests.mutations import examples
 
 VECTORS = st.fixed_dictionaries(dict.fromkeys("xyz", st.floats(allow_nan=False)))
 STATUSES = st.fixed_dictionaries(
@@ -56,7 +57,7 @@ def encode(ros: Literal[1, 2], name: str, fields: dict[str, Any]) -> tuple[bytes
     return raw, decode(raw, f"morai_msgs/msg/{name}")
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(fields=LISTS, ros=st.sampled_from([1, 2]), name=st.sampled_from(["ObjectStatusList", "ReplayInfo"]))
 def test_decoder_agrees_with_the_library(fields: dict[str, Any], ros: Literal[1, 2], name: str) -> None:
     raw, message = encode(ros, name, fields)

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.simulator.plain.snapshot_bytes import CHECKSUM_SIZE
+from tests.mutations import examples
 from tests.simulator.memory_recordings import MemoryRecordings
 from tests.simulator.replays.replay_harness import FILE, INFO, PAUSE, PLAY, STOP, replay, replay_info_messages
 from tests.simulator.sim_harness import ALL, Client, SimHarness, put_egos
@@ -329,7 +330,7 @@ def test_hash_and_bytes_come_back(release: str, acts: list[tuple[Any, ...]]) -> 
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@examples(25)
 @given(release=st.sampled_from(["22.R2", "26.R1"]), acts=st.lists(ACTS, max_size=14))
 def test_hash_and_bytes_come_back_after_any_order_of_calls(release: str, acts: list[tuple[Any, ...]]) -> None:
     check(release, acts)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.records import replace
@@ -18,6 +18,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from tests.mutations import examples
 
 CAR = Body()
 NOSE = CAR.length - CAR.rear_overhang  # from the reference point to the front [m]
@@ -292,7 +293,7 @@ MOVERS = st.lists(
 )
 
 
-@settings(max_examples=12, deadline=None)
+@examples(12)
 @given(MOVERS)
 def test_one_step_finds_the_contacts_of_many_small_steps(
     movers: list[tuple[Body, float, float, float, float, float]],

@@ -4,7 +4,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.contacts.impact_mechanics import (
@@ -17,6 +17,7 @@ from rosbridge_sim.world.contacts.impact_mechanics import (
     play,
 )
 from rosbridge_sim.world.contacts.impact_mechanics import strike as hit
+from tests.mutations import examples
 
 DT = 0.02
 
@@ -171,7 +172,7 @@ def test_impact_on_a_wall_adds_no_energy(body: Rigid, x: float) -> None:
 
 
 @given(st.lists(rigid, min_size=2, max_size=5))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_heap_of_bodies_loses_energy_and_keeps_momentum(bodies: list[Rigid]) -> None:
     energy, before = sum(energy_of(body) for body in bodies), momentum(bodies)[:2]
     play(bodies, [(i, j) for i in range(len(bodies)) for j in range(i + 1, len(bodies))], DT)

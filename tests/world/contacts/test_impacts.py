@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.contacts import collisions
@@ -19,6 +19,7 @@ from rosbridge_sim.world.state.placement import place_ghost, set_speed, teleport
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle.dynamics import drive
+from tests.mutations import examples
 from tests.world.road_factory import CAR, road
 from tests.world.road_factory import car as lane_car
 
@@ -344,7 +345,7 @@ def test_digest_tells_which_pairs_pass_through_each_other() -> None:
     assert first.digest() != second.digest()
 
 
-@settings(max_examples=8, deadline=None)
+@examples(8)
 @given(
     st.lists(
         st.tuples(st.floats(-12, 12), st.floats(-12, 12), st.floats(-math.pi, math.pi), st.floats(0, 35)),

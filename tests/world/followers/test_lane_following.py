@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.drivers.driver_model import Perception, firm_stop
@@ -22,6 +22,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from tests.mutations import examples
 from tests.world.lane_drives import BUS, NOSE, lane_of, run, to_line, world_of
 from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, ring, road, signalled
 from tests.world.traffic_observers import RedRuns
@@ -456,7 +457,7 @@ ACTIONS = st.one_of(
 )
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.lists(ACTIONS, max_size=20))
 def test_every_vehicle_stays_on_its_lane(actions: list[tuple[str, int]]) -> None:
     roads, plan = signalled(green=60, yellow=20)

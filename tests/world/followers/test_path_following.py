@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.followers.path_following import _Moving, follow_paths
 from rosbridge_sim.world.geometry.planar import FloatArray, arc_lengths, nearest_on_polyline
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
+from tests.mutations import examples
 from tests.world.polylines import point_at
 
 CAR = Body()
@@ -185,7 +186,7 @@ def test_two_half_steps_equal_a_whole_one() -> None:
 POINTS = st.lists(st.tuples(*[st.floats(-100.0, 100.0, width=32)] * 2), min_size=2, max_size=8, unique=True)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(st.lists(st.tuples(POINTS, st.booleans(), st.floats(0.0, 300.0)), min_size=1, max_size=4))
 def test_entity_never_leaves_its_path(walkers: list[tuple[list[tuple[float, float]], bool, float]]) -> None:
     world = World()

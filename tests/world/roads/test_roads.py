@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.geometry.segment_search import BESIDE, CROWD, TURN_COST
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from tests.mutations import examples
 
 
 def straight(*corners: tuple[float, float], z: float = 0.0) -> FloatArray:
@@ -164,7 +165,7 @@ def test_fast_path_equals_slow_path(
         assert lane >= 0
 
 
-@settings(max_examples=20)
+@examples(20)
 @given(lines=st.lists(line, min_size=1, max_size=4), places=st.lists(st.tuples(coordinate, coordinate), max_size=20))
 def test_many_queries_equal_single_queries(
     lines: list[list[tuple[float, float]]], places: list[tuple[float, float]]
