@@ -14,7 +14,7 @@ TAPER = '<width sOffset="0" a="0" b="0" c="0.0105" d="-0.00035"/>'  # 0 to 3.15 
 OPENING = '<width sOffset="0" a="0" b="0.1" c="0" d="0"/><width sOffset="35" a="3.5" b="0" c="0" d="0"/>'
 
 
-def line_of(road_map: RoadMap, name: str) -> np.ndarray:  # type: ignore[type-arg]
+def line_of(road_map: RoadMap, name: str) -> np.ndarray:
     roads = road_map.roads
     row = roads.row(name)
     return roads.points[roads.first[row] : roads.first[row + 1]]
