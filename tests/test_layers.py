@@ -108,7 +108,7 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
 # campaigns, without processes and files
 campaigns: * document_reading documents expressions world.geometry world.state
 # mocks of robots, without sockets and files
-mock: * document_reading documents expressions schema schema.definitions yaml_reading
+mock: * contracts document_reading documents expressions schema schema.definitions yaml_reading
 # the checks of a rosbridge, and of what an app relies on, without sockets
 doctor: * junit
 contracts: * documents schema.definitions
@@ -149,7 +149,8 @@ cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema 
     shell.config shell.files shell.page shell.ros1 shell.ros2
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
     world.geometry world.roads world.state
-cli.mock: * cli.tools link mock shell.mocking
+cli.mock: * cli.contracts cli.tools contracts link mock schema shell.bags shell.files shell.mocking
+    yaml_reading
 cli.campaigns: * campaign_runs campaigns cli.tools
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket

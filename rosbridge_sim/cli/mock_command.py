@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.cli.command_line import add_definitions, add_json, group_of
+from rosbridge_sim.cli.contract_commands import add_patterns, add_watching
 from rosbridge_sim.link.arguments import Parser
 
 
@@ -15,4 +16,18 @@ def make_mock() -> Parser:
     add_json(parser)
     add_definitions(parser)
     parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages")
+    _add_capture(
+        add("capture", "mock.capture_run.capture_mock", "watch a running system or a bag, and write a mock of it")
+    )
     return group
+
+
+def _add_capture(parser: Parser) -> None:
+    parser.add_argument("source", metavar="URL|BAG", help="a rosbridge; or NAME.bag, NAME.mcap or a folder of rosbag2")
+    parser.add_argument("-o", "--output", dest="file", metavar="FILE", required=True, help="the new file")
+    add_watching(parser)
+    add_patterns(parser)
+    about = "call this service, which must only read, without arguments, and write its answer; may be repeated"
+    parser.add_argument("--call", dest="calls", action="append", default=[], metavar="NAME", help=about)
+    add_definitions(parser)
+    parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages [that of the types]")

@@ -9,6 +9,7 @@ from typing import Final
 import msgspec
 
 from rosbridge_sim.documents import Document, fields_of
+from rosbridge_sim.mock.mock_capture import MAX_LIST, MAX_LONG_TEXT, MAX_WORDS
 from rosbridge_sim.mock.mock_model import (
     MAX_THINGS,
     CounterPattern,
@@ -105,6 +106,29 @@ before the first message it is 0. A topic may read its own last message: `/odom.
 answers, feedback and results, the fields of the request or goal are names, too: `$expression: "a + b"`.
 """
 
+_CAPTURE: Final = f"""
+## Capture
+
+`rosbridge-sim mock capture URL -o FILE` watches a running system for 5 s (`--duration`) and writes this file; a bag or MCAP file in place
+of the URL is read in the same way. `mock check` finds no mistake in what it writes; what a mock cannot do is left out and told, such as
+types that `--schema-path` does not know. For a system of ROS 2, check and run it with `--ros 2`.
+
+| seen | in the file |
+|---|---|
+| topic with messages | type, rate, and the fields of the first message |
+| number or text that was always the same | constant |
+| whole number that grew by the same step | `$counter` |
+| number that changed | `$random_walk` within the range that was seen |
+| flag, or up to {MAX_WORDS} texts, that changed | `$list` |
+| elements of lists, quaternions | those of the first message |
+| stamp and `seq` of a header | none, so that the mock sets them |
+| lists of more than {MAX_LIST:,} entries, texts of more than {MAX_LONG_TEXT:,} characters (pictures, clouds) | left out; `recordings` plays them |
+| messages of `tf2_msgs/TFMessage` | `transforms` |
+| topic without a message | `subscribers` |
+| service | an answer of defaults to fill in; with `--call NAME` it is called without arguments, and its answer is written. Name only services that read |
+| action | its type |
+"""
+
 
 def write_mock() -> str:
     """Return the page `reference/mock.md`."""
@@ -113,7 +137,7 @@ def write_mock() -> str:
         parts.append(f"\n## {title}\n\n{kind.__doc__}\n\n| key | default | meaning |\n|---|---|---|\n")
         parts += [row_of(field, fields_of(kind)[field.encode_name]) for field in msgspec.structs.fields(kind)]
     rows = [f"| `{name}: {{{_keys(kind)}}}` | {' '.join((kind.__doc__ or '').split())} |\n" for name, kind in _PATTERNS]
-    parts.append(_VALUES.format(rows="".join(rows)))
+    parts += [_VALUES.format(rows="".join(rows)), _CAPTURE]
     return "".join(parts)
 
 

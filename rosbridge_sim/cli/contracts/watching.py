@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from rosbridge_sim.cli.tools.text import note
-from rosbridge_sim.cli.tools.tool_client import Bridge, absolute, words
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
 from rosbridge_sim.cli.tools.topic import types_of_topics
 from rosbridge_sim.contracts.seen_system import SeenTopic
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
@@ -26,14 +26,22 @@ OF_THE_SERVER = (
 """Topics and services of ROS itself, or about the clients. They are left out unless a pattern selects them."""
 
 
-def chosen(names: Iterable[str], patterns: Sequence[str]) -> list[str]:
-    """Return the names that patterns select, sorted; without patterns all but `OF_THE_SERVER`."""
+def chosen(names: Iterable[str], patterns: Sequence[str], never: Sequence[str] = ()) -> list[str]:
+    """Return the names that patterns select, sorted; without patterns all but `OF_THE_SERVER`.
+
+    Args:
+        never: patterns of names that are not selected in any case.
+    """
 
     def fits(name: str, some: Iterable[str]) -> bool:
         return any(fnmatch.fnmatchcase(name, pattern) for pattern in some)
 
     wanted = [absolute(pattern) for pattern in patterns]
-    return sorted(name for name in names if (fits(name, wanted) if wanted else not fits(name, OF_THE_SERVER)))
+    return sorted(
+        name
+        for name in names
+        if (fits(name, wanted) if wanted else not fits(name, OF_THE_SERVER)) and not fits(name, never)
+    )
 
 
 async def types_if_told(bridge: Bridge) -> dict[str, str] | None:
@@ -44,21 +52,28 @@ async def types_if_told(bridge: Bridge) -> dict[str, str] | None:
     return None
 
 
-async def services_if_told(bridge: Bridge, patterns: Sequence[str]) -> dict[str, str] | None:
-    """Return service -> type of the services that patterns select; None if there is no rosapi."""
+async def services_if_told(bridge: Bridge, patterns: Sequence[str], never: Sequence[str] = ()) -> dict[str, str] | None:
+    """Return service -> type of the services that patterns select, see `chosen`; None if there is no rosapi."""
     with suppress(BridgeError, RefusedError):
-        names = chosen(map(absolute, words(await bridge.ask("services"), "services")), patterns)
+        names = chosen(map(absolute, words(await bridge.ask("services"), "services")), patterns, never)
         answers = await bridge.ask_all([("service_type", {"service": name}) for name in names])
         return {name: answer.word("type") for name, answer in zip(names, answers, strict=True)}
     return None
 
 
-async def watch_topics(bridge: Bridge, types: Mapping[str, str], seconds: float) -> dict[str, SeenTopic]:
+Take = Callable[[str, float, Frame], None]
+"""Takes topic, time [s] and message of each message that comes."""
+
+
+async def watch_topics(
+    bridge: Bridge, types: Mapping[str, str], seconds: float, take: Take | None = None
+) -> dict[str, SeenTopic]:
     """Return what came on topics within a time.
 
     Args:
         types: topic -> its type; an empty one is that of an existing topic.
         seconds: how long [s].
+        take: also gets each message.
 
     Raises:
         RefusedError: there are too many topics, or the connection has ended.
@@ -73,9 +88,11 @@ async def watch_topics(bridge: Bridge, types: Mapping[str, str], seconds: float)
     said: set[str] = set()
     while (frame := await bridge.receive(until)) is not None:
         message = frame.get("msg")
-        watched = seen.get(absolute(str(frame.get("topic")))) if frame.get("op") == "publish" else None
-        if watched is not None and isinstance(message, dict):
-            watched.add(bridge.now(), message)
+        name = absolute(str(frame.get("topic"))) if frame.get("op") == "publish" else ""
+        if name in seen and isinstance(message, dict):
+            seen[name].add(bridge.now(), message)
+            if take is not None:
+                take(name, bridge.now(), message)
         elif frame.get("op") == "status" and frame.get("level") == "error" and len(said) < MAX_SAID:
             if str(message) not in said:
                 note(f"the server says: {message}")

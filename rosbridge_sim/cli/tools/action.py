@@ -20,7 +20,7 @@ _GOAL = "ActionGoal"
 """End of the type of the topic `NAME/goal` of ROS 1."""
 
 
-async def _actions(bridge: Bridge) -> dict[str, str]:
+async def types_of_actions(bridge: Bridge) -> dict[str, str]:
     """Return action -> type, as far as that is known, else `?`.
 
     Raises:
@@ -39,19 +39,19 @@ async def _actions(bridge: Bridge) -> dict[str, str]:
 
 
 async def _type_of(bridge: Bridge, action: str) -> str:
-    actions = await _actions(bridge)
+    actions = await types_of_actions(bridge)
     if action not in actions:
         raise RefusedError(f"no action {safe(action)} here{hint(action, actions)}")
     return actions[action]
 
 
-async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> None:
+async def listtypes_of_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> None:
     """Print all actions.
 
     Args:
         is_count: print only how many there are.
     """
-    actions = await _actions(bridge)
+    actions = await types_of_actions(bridge)
     if is_json and not is_count:
         put_json([{"action": name, "type": kind} for name, kind in actions.items()])
     else:

@@ -6,7 +6,7 @@ import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rosbridge_sim.cli.tools.schema import DefinitionSources, read_texts
 from rosbridge_sim.cli.tools.text import note, put_json
@@ -112,7 +112,7 @@ class _Player:
         for one in connections:
             if one.topic not in self.decoders:
                 try:
-                    self.decoders[one.topic] = self._decoder(one)
+                    self.decoders[one.topic] = json_reader(self._types, one, self._target)
                 except DocumentError as error:
                     note(f"{error}: it is left out")
                     continue
@@ -144,10 +144,6 @@ class _Player:
             self._said.add(text)
             note(f"the server says: {text}")
 
-    def _decoder(self, connection: Connection) -> Callable[[bytes], object]:
-        read, fields = self._types.decoder(connection), self._types.fields_of(connection)
-        return lambda raw: _to_wire(plain_message(read(raw), fields), self._target)
-
     async def publish(self, connection: Connection, raw: bytes, at: float) -> None:
         """Publish a message at its time of the event loop [s], if its topic is played."""
         decode = self.decoders.get(connection.topic)
@@ -155,16 +151,35 @@ class _Player:
             return
         while (frame := await self._bridge.receive(at)) is not None:
             self._hear(frame)
-        try:
-            msg = decode(raw)
-        except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
-            raise DocumentError(f"{connection.topic}: a message does not fit its type: {error}") from None
+        msg = decode(raw)
         await self._bridge.send("publish", topic=self._name(connection.topic), msg=msg)
         self.num_sent += 1
 
 
 MAX_SAID = 100
 """Different texts of a server that are printed."""
+
+
+def json_reader(types: BagTypes, connection: Connection, target: int) -> Callable[[bytes], Any]:
+    """Return a function from the bytes of a topic's messages to JSON; it raises DocumentError if they do not fit.
+
+    Args:
+        types: those of the bag.
+        connection: that of the topic.
+        target: generation of ROS of the JSON.
+
+    Raises:
+        DocumentError: the type is unknown.
+    """
+    read, fields = types.decoder(connection), types.fields_of(connection)
+
+    def decode(raw: bytes) -> object:
+        try:
+            return _to_wire(plain_message(read(raw), fields), target)
+        except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
+            raise DocumentError(f"{connection.topic}: a message does not fit its type: {error}") from None
+
+    return decode
 
 
 def _to_wire(value: object, target: int) -> object:
