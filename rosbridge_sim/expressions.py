@@ -77,6 +77,8 @@ FUNCTIONS: Final[dict[str, tuple[int, int, Callable[..., float]]]] = {
     "floor": (1, 1, math.floor),
     "ceil": (1, 1, math.ceil),
     "sqrt": (1, 1, math.sqrt),
+    "pow": (2, 2, math.pow),
+    "sign": (1, 1, lambda value: (value > 0) - (value < 0)),
     "exp": (1, 1, math.exp),
     "log": (1, 1, math.log),
     "sin": (1, 1, math.sin),

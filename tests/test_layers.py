@@ -69,7 +69,8 @@ document_reading: * document_mistakes documents not_json
 xml_documents: *
 yaml_reading: * documents
 maps: * document_reading documents units world.geometry world.roads world.state xml_documents
-scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
+scenarios: * document_reading documents expressions maps units world.drivers world.geometry world.roads world.state
+    xml_documents
 # what sensors see
 scenery: records world.followers world.geometry world.roads world.state
 scenery.static: maps scenery world.geometry world.roads
@@ -99,12 +100,14 @@ simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.mo
     world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state
 simulator.replays: * graph morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene units world world.geometry world.state
+simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain
+    simulator.scene world.drivers world.geometry world.roads world.state
 simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
 simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel
     simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
-    simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world
-    world.state world.vehicle
+    simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.story
+    simulator.sync world world.state world.vehicle
 # campaigns, without processes and files
 campaigns: * document_reading documents expressions world.geometry world.state
 # mocks of robots, without sockets and files

@@ -91,7 +91,7 @@ def make_scenario() -> Parser:
         "names",
         metavar="FILE",
         nargs="+",
-        help="FILE.json, the name of a scenario as for a server, or a folder of scenarios",
+        help="FILE.json, FILE.xosc, the name of a scenario as for a server, or a folder of scenarios",
     )
     parser.add_argument("--map", metavar="NAME|DIR", help="map to check it on [the map in the scenario]")
     parser.add_argument(
@@ -99,6 +99,20 @@ def make_scenario() -> Parser:
     )
     parser.add_argument(
         "--catalogue", metavar="FILE", help="your own table of models, *.toml or *.csv, as for serve; lengths in metres"
+    )
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="value of a parameter of a *.xosc",
+    )
+    parser.add_argument("--ego-entity", metavar="NAME", help="entity of a *.xosc that is the ego")
+    parser.add_argument(
+        "--lenient",
+        dest="is_lenient",
+        action="store_true",
+        help="what a *.xosc asks for and is not supported is left out, and no mistake",
     )
     _add_picture(parser)
     _add_strict(parser)

@@ -12,6 +12,7 @@ from rosbridge_sim.records import Record, field
 from rosbridge_sim.scenarios.catalogue import (
     Model,
 )
+from rosbridge_sim.scenarios.openscenario.story import Story
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import Gear, Kind
@@ -107,6 +108,7 @@ class Scenario(Record, eq=False):
         egos, vehicles, pedestrians, obstacles: agents to add. No two have one `uid`.
         phases: phases of intersections at the start.
         spawn_points: places where vehicles appear.
+        story: what the file of OpenSCENARIO asks for; None for a scenario of MORAI's JSON.
         kept: keys of the document without effect yet, with their values as they are written.
         notes: remarks about reinterpreted entries: a line each, for the log.
     """
@@ -121,3 +123,4 @@ class Scenario(Record, eq=False):
     notes: tuple[str, ...] = ()
     kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
     spawn_points: tuple[SpawnPoint, ...] = ()
+    story: Story | None = None

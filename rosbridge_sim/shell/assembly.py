@@ -28,7 +28,7 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS
 from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
-from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.library import DiskLibrary, open_library
 from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.noise_file import read_sensor_noise
 from rosbridge_sim.shell.files.quota import DataQuota
@@ -131,7 +131,7 @@ def make_simulator_node(
         DocumentError: a file, a map or a setting cannot be used.
     """
     if library is None:
-        library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
+        library = open_library(settings)
     differing = {
         "profile": choose_profile(settings.profile, settings.release, **_same(Profile.__struct_fields__, settings)),
         "speed_limits": SPEED_LIMITS.get(settings.release),

@@ -73,6 +73,7 @@ from rosbridge_sim.simulator.sim_services.traffic_demand import Traffic
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.simulator.snapshots.snapshots import Snapshots
 from rosbridge_sim.simulator.standard_topics import StandardTopics
+from rosbridge_sim.simulator.story.stories import Stories
 from rosbridge_sim.simulator.sync.barrier import Barrier
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import Gear, World
@@ -148,6 +149,7 @@ def make_node(
         SceneMarkers(context),
         Scenarios(context, shelf),
         traffic,
+        Stories(context),
     ]
     if chosen.standard_topics:
         components += [

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import textwrap
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -23,6 +24,11 @@ from rosbridge_sim.maps.map_check import UNREAD_FILES
 from rosbridge_sim.maps.map_formats import MAP_FILES
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
+from rosbridge_sim.scenarios.openscenario.entities import place_entities
+from rosbridge_sim.scenarios.openscenario.places import StoryMap
+from rosbridge_sim.scenarios.openscenario.story import each_item
+from rosbridge_sim.scenarios.openscenario.story_items import Findings
+from rosbridge_sim.scenarios.openscenario.storyboard import KINDS
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_check import (
     find_misspelt_key,
@@ -34,8 +40,9 @@ from rosbridge_sim.scenarios.scenario_check import (
 from rosbridge_sim.scenarios.scenario_reader import sort_phases
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.config.settings_file import looks_like_path
-from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.shell.files.other_formats import find_other_formats
+from rosbridge_sim.shell.files.library import DiskLibrary, open_library
+from rosbridge_sim.shell.files.other_formats import LOOKED_AT, find_other_formats
+from rosbridge_sim.shell.files.story_files import is_story
 from rosbridge_sim.simulator.scene.scene import DEFAULT_MAP
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import arc_lengths
@@ -57,14 +64,15 @@ _Report = dict[str, Any]  # a JSON object
 
 
 def _open_library(
-    own_map: str | None, folders: Sequence[str], own_models: str | None
+    own_map: str | None, folders: Sequence[str], own_models: str | None, story_flags: Sequence[str]
 ) -> tuple[DiskLibrary, str | None]:
     """Return the scenarios and maps of a server with these settings, and the map that replaces all others."""
     flags = [f"--scenario-path={folder}" for folder in folders]
     flags += [] if own_map is None else [f"--map={own_map}"]
     flags += [] if own_models is None else [f"--catalogue={own_models}"]
+    flags += story_flags
     settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
-    return DiskLibrary(settings.scenario_path, settings.map, settings.catalogue), settings.map
+    return open_library(settings), settings.map
 
 
 def check_scenarios(
@@ -74,6 +82,9 @@ def check_scenarios(
     map: str | None,  # noqa: A002 - the flag
     scenario_path: Sequence[str],
     catalogue: str | None,
+    param: Sequence[str],
+    ego_entity: str | None,
+    is_lenient: bool,
     is_json: bool,
     is_strict: bool,
 ) -> int:
@@ -84,6 +95,7 @@ def check_scenarios(
         picture: file for a picture; allowed for a single scenario.
         map: name or folder of a map that replaces those of the scenarios; None uses the environment.
         catalogue: file of the user's models.
+        param, ego_entity, is_lenient: of files of OpenSCENARIO, as for `serve`.
         is_strict: remarks count like mistakes in the exit code.
 
     Returns:
@@ -92,7 +104,9 @@ def check_scenarios(
     Raises:
         DocumentError: there is no such file, a setting cannot be used, or the picture cannot be written.
     """
-    library, own_map = _open_library(map, scenario_path, catalogue)
+    flags = [*(f"--param={each}" for each in param), *([f"--ego-entity={ego_entity}"] if ego_entity else [])]
+    flags += ["--lenient"] if is_lenient else []
+    library, own_map = _open_library(map, scenario_path, catalogue, flags)
     files = [file for name in names for file in _expand(name, library)]
     if files == list(names) and len(files) == 1:
         account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)
@@ -131,12 +145,19 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
     if not folder.is_dir() or (not looks_like_path(name) and library.has_scenario(name)):
         return [name]
     of_maps = {*MAP_FILES, *UNREAD_FILES}
-    found = [path for path in sorted([*folder.glob("*.json"), *folder.glob("*/*.json")]) if path.name not in of_maps]
+    paths = sorted(path for pattern in ("*.json", "*/*.json", "*.xosc", "*/*.xosc") for path in folder.glob(pattern))
+    found = [path for path in paths if path.name not in of_maps and not _is_catalogue(path)]
     if not found:
         other = find_other_formats(folder)
         aside = f"; {other}" if other else ""
-        raise DocumentError(f"{name}: expected a folder with scenarios (*.json or */*.json); there is none{aside}")
+        where = "(*.json or *.xosc, in it or in its subfolders)"
+        raise DocumentError(f"{name}: expected a folder with scenarios {where}; there is none{aside}")
     return [str(path) for path in found]
+
+
+def _is_catalogue(path: Path) -> bool:
+    """Return whether a file of OpenSCENARIO has no story, by its beginning."""
+    return path.suffix == ".xosc" and b"<Catalog " in path.read_bytes()[:LOOKED_AT]
 
 
 def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
@@ -155,6 +176,8 @@ def _account(
     text: bytes, source: str, library: DiskLibrary, own_map: str | None
 ) -> tuple[_Report, Scenario | None, RoadMap | None]:
     """Return the report, the scenario as far as it can be read, and its map if that is known."""
+    if is_story(source, text):
+        return _account_story(text, source, library, own_map)
     draft = read_draft(text, source, library.catalogue)
     mistakes, remarks = list(draft.mistakes), find_misspelt_keys(draft.keys)
     scenario = draft.scenario
@@ -186,6 +209,77 @@ def _account(
         "passed_over": draft.keys.passed_over,
     }
     return account, scenario, road_map
+
+
+def _account_story(
+    text: bytes, source: str, library: DiskLibrary, own_map: str | None
+) -> tuple[_Report, Scenario | None, RoadMap | None]:
+    """Return the same for a file of OpenSCENARIO."""
+    found: list[str] = []
+    scenario, findings, road_map = None, Findings.none(), None
+    map_account: _Report = {"name": None, "is_known": False}
+    try:
+        scenario, findings = library.examine_story(text, Path(source))
+    except DocumentError as error:
+        found.append(str(error))
+    if scenario is not None:
+        map_account, road_map = _find_map(scenario, library, own_map)
+        if road_map is None:
+            why = f"{map_account['why']}. Positions were not checked"
+            found.append(f"the map: {why}")
+        else:
+            try:
+                scenario = place_entities(scenario, StoryMap.of(road_map))
+            except DocumentError as error:
+                found.append(str(error))
+    story = None if scenario is None else scenario.story
+    is_lenient = story is not None and story.text.is_lenient
+    refused = [f"{line}; left out" for line in findings.refused] if is_lenient else []
+    remarks = [*refused, *findings.notes, *findings.idle]
+    mistakes = [*findings.mistakes, *([] if is_lenient else findings.refused), *found]
+    kinds = Counter(item.kind for item in (() if story is None else each_item(story.storyboard)))
+    account = {
+        "file": source,
+        "is_good": not mistakes and not remarks,
+        "mistakes": mistakes,
+        "remarks": remarks,
+        "map": map_account,
+        "holds": {kind: kinds[kind] for kind in (*KINDS[1:], "Condition") if kinds[kind]},
+        "ego": "" if story is None else story.ego,
+        "parameters": {} if story is None else dict(story.parameters),
+        "items": [] if scenario is None else [_story_row(each) for each in _spawns(scenario)],
+        "phases": [],
+        "read": sorted(kinds),
+        "without_effect": {},
+        "passed_over": {},
+    }
+    return account, scenario, road_map
+
+
+def _story_row(spawn: Spawn) -> _Report:
+    body = spawn.model.body
+    return {
+        "at": spawn.name,
+        "kind": spawn.kind.name.lower(),
+        "model": spawn.model.name,
+        "is_replaced": False,
+        "is_scaled": False,
+        "id": None,
+        "x": spawn.x,
+        "y": spawn.y,
+        "z": spawn.z,
+        "heading_deg": math.degrees(spawn.yaw),
+        "roll_deg": math.degrees(spawn.roll),
+        "pitch_deg": math.degrees(spawn.pitch),
+        "size": [body.length, body.width, body.height],
+        "link": None,
+        "speed_kmh": 0.0,
+        "way": "the ego" if spawn.kind is Kind.EGO else "by the story",
+    }
+
+
+def _spawns(scenario: Scenario) -> tuple[Spawn, ...]:
+    return (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
 
 
 def _phases(scenario: Scenario, road_map: RoadMap | None) -> Sequence[PhaseStart]:
@@ -223,7 +317,7 @@ def _count(document: object) -> dict[str, int]:
 
 
 def _items(scenario: Scenario, document: JsonValue, catalogue: Catalogue) -> Iterator[_Report]:
-    for spawn in (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles):
+    for spawn in _spawns(scenario):
         key, _, number = spawn.where.rstrip("]").partition("[")
         item = document[key][int(number)] if number else document[key]
         data_id = item.get("DataID")

@@ -65,6 +65,10 @@ class SimulatorOptions(TypedDict, total=False):
     scenario: str | Path
     map: str | Path | None
     scenario_path: Sequence[str | Path] | str | Path
+    param: Sequence[str] | str
+    ego_entity: str
+    ego: Literal["program", "story"]
+    lenient: bool
     catalogue: str | Path | None
     data_dir: str | Path
     data_quota: int | str | None

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal, cast
 
 from rosbridge_sim.shell.config.flag import FlagGroup
 from rosbridge_sim.shell.config.value_types import (
+    ASSIGNMENTS,
     FILE,
     FOLDER_TYPE,
     FOLDERS,
@@ -240,6 +241,18 @@ class Settings:
         "map that replaces the map of every scenario",
     )
     scenario_path: tuple[str, ...] = _WORLD.flag((), FOLDERS, "folder with scenarios that clients may load; repeatable")
+    param: tuple[str, ...] = _WORLD.flag(
+        (), ASSIGNMENTS, "value of a parameter of the scenario, of a file of OpenSCENARIO (*.xosc); repeatable"
+    )
+    ego_entity: str = _WORLD.flag(
+        "",
+        text_of("the name of an entity", "NAME", "str"),
+        "entity of a *.xosc that is the ego; without it one named Ego, hero or ego_vehicle, else the first vehicle",
+    )
+    ego: Literal["program", "story"] = _WORLD.choice(
+        "program", "who drives the ego of a *.xosc: the user's program, or what the file asks for"
+    )
+    lenient: bool = _WORLD.switch("leave out what a *.xosc asks for and is not supported, and run the rest")
     catalogue: str | None = _WORLD.flag(
         None,
         FILE,

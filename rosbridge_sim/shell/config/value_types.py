@@ -285,6 +285,15 @@ def _read_patterns(value: object) -> tuple[str, ...]:
     return patterns
 
 
+def _read_assignments(value: object) -> tuple[str, ...]:
+    texts = (value,) if isinstance(value, str) else tuple(cast("Sequence[str]", value))
+    if not all(text.partition("=")[0].strip() and "=" in text and text.isprintable() for text in texts):
+        raise ValueError
+    return texts
+
+
+ASSIGNMENTS = ValueType("assignments NAME=VALUE", _read_assignments, "NAME=VALUE", "\n")
+
 PATTERNS = ValueType("patterns without blanks, such as /camera/*", _read_patterns, "PATTERN", ",")
 
 ORIGINS = ValueType("origins without blanks, such as https://*.example.org", _read_patterns, "ORIGIN", ",")

@@ -32,7 +32,7 @@ def is_plain_name(part: str, *, is_windows: bool = os.name == "nt") -> bool:
 
 
 def safe_parts(name: str) -> tuple[str, ...]:
-    """Return the parts of a client's name of a scenario: (NAME.json,) or (MAP, NAME.json).
+    """Return the parts of a client's name of a scenario: (NAME.json,) or (MAP, NAME.json); `.xosc` stays as it is.
 
     Args:
         name: NAME or MAP/NAME.
@@ -42,7 +42,7 @@ def safe_parts(name: str) -> tuple[str, ...]:
     """
     parts = name.replace("\\", "/").split("/")
     is_plain = len(name) <= MAX_NAME and len(parts) <= len(("MAP", "NAME")) and all(map(is_file_name, parts))
-    if not parts[-1].endswith(".json"):
+    if not parts[-1].endswith((".json", ".xosc")):
         parts[-1] += ".json"
     if not is_plain or not is_file_name(parts[-1]):
         raise DocumentError(f"{name[:80]!r} is not a scenario's name: expected NAME or MAP/NAME within --scenario-path")

@@ -16,14 +16,28 @@ from typing import Any
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.map_formats import FILE_FORMATS, MAP_FILES, find_file_format, read_map
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN
+from rosbridge_sim.scenarios.openscenario.entities import story_scenario
+from rosbridge_sim.scenarios.openscenario.story import Story, examine_story, read_story
+from rosbridge_sim.scenarios.openscenario.story_items import Findings
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.settings_file import looks_like_path
 from rosbridge_sim.shell.files.bounded_read import read_bounded, read_in_pieces
 from rosbridge_sim.shell.files.document_cache import DocumentCache
 from rosbridge_sim.shell.files.file_names import is_file_name, safe_parts
 from rosbridge_sim.shell.files.other_formats import LOOKED_AT, MAP_IS, SCENARIO_IS, find_other_format, say_not_read
+from rosbridge_sim.shell.files.story_files import (
+    SUFFIX,
+    StoryOptions,
+    collect_story,
+    declared_of,
+    is_story,
+    read_parameters,
+    resolve_within,
+)
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -53,6 +67,7 @@ class DiskLibrary:
         scenario_folders: Sequence[str | Path] = (),
         own_map: str | None = None,
         own_models: str | Path | None = None,
+        stories: StoryOptions | None = None,
     ) -> None:
         """Create a library that reads each document when it is needed.
 
@@ -60,12 +75,15 @@ class DiskLibrary:
             scenario_folders: folders of clients' scenarios, in order of search.
             own_map: name or folder of a map that replaces all other maps.
             own_models: file of the user's catalogue.
+            stories: how files of OpenSCENARIO are read; None for the defaults.
 
         Raises:
             DocumentError: a folder does not exist, or the catalogue cannot be used.
         """
         self._folders = [Path(folder) for folder in scenario_folders]
         self._own_map = own_map
+        self._stories = stories or StoryOptions()
+        self._story_maps: dict[str, Path] = {}
         self._opening: Path | None = None
         self._cache = DocumentCache()
         self.catalogue = BUILT_IN
@@ -113,7 +131,7 @@ class DiskLibrary:
         """
         text, source = self.opening_file(name)
         self._opening = Path(source)
-        return read_scenario(text, source, catalogue=self.catalogue)
+        return self._read(text, self._opening, self._stories, None)
 
     def opening_file(self, name: str) -> tuple[bytes, str]:
         """Return content and path of the scenario file that the user names at the start.
@@ -147,7 +165,7 @@ class DiskLibrary:
             path = _find_scenario(folder, parts)
             if path is not None:
                 return path
-        if self._opening is not None and parts == (f"{self._opening.name.removesuffix('.json')}.json",):
+        if self._opening is not None and parts in {(self._opening.name,), (f"{self._opening.stem}.json",)}:
             return self._opening
         path = _find_scenario(DATA / "scenarios", parts)
         if path is not None:
@@ -159,12 +177,53 @@ class DiskLibrary:
         raise DocumentError(f"no scenario {name!r}; known are {known}, and --scenario-path takes a folder")
 
     def _understand(self, path: Path) -> Scenario:
-        text, source = self._read_scenario(path)
-        return read_scenario(text, source, catalogue=self.catalogue)
+        text, _ = self._read_scenario(path)
+        is_opening = path == self._opening
+        return self._read(text, path, self._stories, None if is_opening else self._folders)
+
+    def _read(self, text: bytes, path: Path, options: StoryOptions, within: Sequence[Path] | None) -> Scenario:
+        """Return a scenario of MORAI's or of OpenSCENARIO.
+
+        Args:
+            within: folders that the paths in it must lead to; None for any.
+
+        Raises:
+            DocumentError: it cannot be used.
+        """
+        if not is_story(path.name, text):
+            return read_scenario(text, str(path), catalogue=self.catalogue)
+        if within is not None:
+            options = replace(options, parameters=declared_of(text, path.name, options.parameters))
+        return self._scenario_of(read_story(collect_story(path, text, options, within)), path, within)
+
+    def _scenario_of(self, story: Story, path: Path, within: Sequence[Path] | None) -> Scenario:
+        return story_scenario(story, path.stem, self._map_of(story, path, within), self.catalogue)
+
+    def examine_story(self, text: bytes, path: Path) -> tuple[Scenario | None, Findings]:
+        """Return the scenario of a file of OpenSCENARIO as far as there is one, and all that is told about the file.
+
+        Raises:
+            DocumentError: it is no such file, or a file that it names cannot be read.
+        """
+        story, findings = examine_story(collect_story(path, text, self._stories, None))
+        is_good = story is not None and not findings.mistakes
+        return (self._scenario_of(story, path, None) if story is not None and is_good else None), findings
+
+    def _map_of(self, story: Story, path: Path, within: Sequence[Path] | None) -> str | None:
+        """Return the name of a story's map, under which `map` finds the file that it names."""
+        if not story.map_file:
+            return story.map_name or None
+        file = resolve_within(path.parent / story.map_file, story.map_file, within)
+        name = next((name for name, known in self._story_maps.items() if known == file), None)
+        if name is None:
+            num = sum(known.name == file.name for known in self._story_maps.values())
+            name = file.name if num == 0 else f"{file.name} ({num + 1})"
+            self._story_maps[name] = file
+        return name
 
     def _read_scenario(self, path: Path) -> tuple[bytes, str]:
         text = read_bounded(path, MAX_DOCUMENT_SIZE)
-        form = find_other_format(path.name, text)
+        form = "" if is_story(path.name, text) else find_other_format(path.name, text)
         if form:
             raise DocumentError(f"{path}: {say_not_read(form)}; {SCENARIO_IS}")
         return text, str(path)
@@ -176,7 +235,7 @@ class DiskLibrary:
     def all_scenario_names(self) -> list[str]:
         """Return the names that `scenario` accepts, in order of search."""
         own = [name for folder in self._folders for name in _names_in(folder)]
-        opening = [] if self._opening is None else [self._opening.name.removesuffix(".json")]
+        opening = [] if self._opening is None else [self._opening.stem]
         return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))
 
     def scenario_path(self, name: str) -> Path:
@@ -211,7 +270,8 @@ class DiskLibrary:
     def map_path(self, name: str) -> Path:
         """Return the folder or file of a map, or of the one that replaces all maps.
 
-        A scenario's map is a built-in one, or `NAME.xodr` in one of the folders of scenarios.
+        A scenario's map is a built-in one, or `NAME.xodr` in one of the folders of scenarios; that of a story is the
+        file that the story names.
 
         Raises:
             DocumentError: there is no such map.
@@ -223,6 +283,12 @@ class DiskLibrary:
             if path.is_dir() or _is_map_file(path):
                 return path
             refuse_map_file(path)
+        elif self._own_map is None and name in self._story_maps:
+            path = self._story_maps[name]
+            if _is_map_file(path):
+                return path
+            refuse_map_file(path)
+            raise DocumentError(f"{path}: {MAP_IS}; there is none, and --map takes another one")
         elif is_file_name(wanted) and built_in.is_dir():
             return built_in
         elif is_file_name(wanted) and (found := self._find_map_file(wanted)):
@@ -267,6 +333,21 @@ def _beginning(path: Path) -> bytes:
     return b""
 
 
+def open_library(settings: Settings) -> DiskLibrary:
+    """Return the scenarios and maps of a server.
+
+    Raises:
+        DocumentError: a folder, the catalogue or a parameter cannot be used.
+    """
+    stories = StoryOptions(
+        read_parameters(settings.param),
+        settings.ego_entity,
+        is_lenient=settings.lenient,
+        drives_ego=settings.ego == "story",
+    )
+    return DiskLibrary(settings.scenario_path, settings.map, settings.catalogue, stories)
+
+
 def refuse_map_file(path: Path) -> None:
     """Raise the error for a map of the user that is a file, or is named like one of another format.
 
@@ -291,12 +372,22 @@ def map_names() -> list[str]:
 
 def _names_in(folder: Path) -> list[str]:
     """Return the names of the scenarios in a folder, sorted by path."""
-    found = sorted([*folder.glob("*.json"), *folder.glob("*/*.json")])
+    found = sorted(path for pattern in ("*.json", "*/*.json", "*.xosc", "*/*.xosc") for path in folder.glob(pattern))
     return [path.relative_to(folder).with_suffix("").as_posix() for path in found]
 
 
 def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
-    """Return the file with that name in a folder or, if no map is named, in one of its subfolders."""
+    """Return the file with that name in a folder or, if no map is named, in one of its subfolders.
+
+    Where there is no NAME.json, it may be NAME.xosc.
+    """
+    if parts[-1].endswith(".json"):
+        story = (*parts[:-1], parts[-1].removesuffix(".json") + SUFFIX)
+        return _find_file(folder, parts) or _find_file(folder, story)
+    return _find_file(folder, parts)
+
+
+def _find_file(folder: Path, parts: tuple[str, ...]) -> Path | None:
     found = [path for path in [folder.joinpath(*parts)] if path.is_file()]
     if not found and len(parts) == 1:
         found = [path for path in sorted(folder.glob("*/" + escape(parts[0]))) if path.is_file()]

@@ -11,7 +11,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-SCENARIO_IS: Final = "expected a scenario of MORAI SIM in JSON, as in rosbridge-sim docs reference/scenarios"
+SCENARIO_IS: Final = (
+    "expected a scenario of MORAI SIM in JSON, or of OpenSCENARIO 1.x, as in rosbridge-sim docs reference/scenarios"
+)
 """Formats that are read, as the end of an error text."""
 
 MAP_IS: Final = "expected a folder of MGeo files or an OpenDRIVE file (.xodr)"
@@ -19,7 +21,7 @@ MAP_IS: Final = "expected a folder of MGeo files or an OpenDRIVE file (.xodr)"
 
 _SUFFIXES: Final = {
     ".xosc": "OpenSCENARIO",
-    ".osc": "OpenSCENARIO",
+    ".osc": "OpenSCENARIO 2",
     ".xodr": "OpenDRIVE",
     ".net.xml": "SUMO net",
     ".net.xml.gz": "SUMO net",
@@ -84,7 +86,8 @@ def find_other_formats(folder: Path) -> str:
         names = sorted(at.name for at in islice(folder.iterdir(), MAX_FILES))
     except OSError:
         return ""
-    found = {form: name for name in reversed(names) if (form := find_other_format(name)) and form != "OpenDRIVE"}
+    read = {"", "OpenDRIVE", "OpenSCENARIO"}
+    found = {form: name for name in reversed(names) if (form := find_other_format(name)) not in read}
     return "; ".join(f"{form} is not read ({name})" for form, name in sorted(found.items()))
 
 

@@ -12,6 +12,7 @@ from typing import Final, NamedTuple, Protocol
 
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record, replace
+from rosbridge_sim.scenarios.openscenario.story import Story
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.plain.plain_bytes import encode
@@ -123,6 +124,7 @@ class Load:
         road_map: the map that it is prepared for.
         phases: phases to set; each intersection exists and has that phase.
         spawn_points: places where vehicles appear from then on.
+        story: what the file of OpenSCENARIO asks for; None for none.
     """
 
     name: str
@@ -133,6 +135,7 @@ class Load:
     road_map: RoadMap
     phases: tuple[PhaseStart, ...] = ()
     spawn_points: tuple[SpawnPoint, ...] = ()
+    story: Story | None = None
 
     @property
     def map_key(self) -> MapKey:
@@ -156,6 +159,7 @@ class Load:
                 "map": tuple(self.map_key),
                 "phases": [as_plain(start) for start in self.phases],
                 "spawn_points": [as_plain(point) for point in self.spawn_points],
+                **({} if self.story is None else {"story": as_plain(self.story.text)}),
             }
         )
         return PackedLoad(data, blake2b(data, digest_size=16).digest())

@@ -27,6 +27,8 @@ from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Model
+from rosbridge_sim.scenarios.openscenario.entities import place_entities
+from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads, sort_phases
 from rosbridge_sim.simulator.scene.load import WHOLE, FoundMap, Library, Load, LoadOptions, find_map
@@ -158,6 +160,12 @@ class Scene:
         if scenario.map_name is not None and scenario.map_name != map_name:
             found = own_map or find_map(self._library, scenario.map_name)
             map_name, road_map = found.name, _log_notes(found)
+        if scenario.story is not None:
+            if options != WHOLE:
+                raise DocumentError(
+                    f"{scenario.name}: a story is loaded whole: expected delete_all and all load_... true"
+                )
+            scenario = place_entities(scenario, StoryMap.of(road_map))
         placed = place_on_roads(scenario, road_map.roads)
         for note in placed.notes:
             _log.info("scenario %s: %s", placed.name, note)
@@ -177,7 +185,8 @@ class Scene:
         if points and not options.delete_all:
             _log.info("scenario %s: its spawn points are left out, because the load does not remove all", placed.name)
             points = ()
-        return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases, points)
+        name = scenario.name
+        return Load(name, egos, others, options.delete_all, map_name, road_map, phases, points, scenario.story)
 
     def carry_out(self, load: Load) -> None:
         """Carry out a prepared load, completely or not at all.

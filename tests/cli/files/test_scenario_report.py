@@ -13,6 +13,7 @@ from PIL import Image
 from rosbridge_sim.cli.files.verdicts import Verdicts
 from tests.cli.tool_fixture import run
 from tests.simulator.small_maps import ROADRUNNER
+from tests.simulator.story.story_texts import after, event, group, link, routing, speed, story, teleport
 from tests.support import ROOT
 
 BUS = " (did you mean Bus?); /sim/catalogue lists all"
@@ -286,13 +287,34 @@ def test_picture_that_cannot_be_drawn_is_told(tmp_path: Path) -> None:
 
 
 def test_scenario_in_another_format_is_refused_by_its_name(tmp_path: Path) -> None:
-    (tmp_path / "cut-in.xosc").write_text("<OpenSCENARIO/>")
-    done = run("scenario", "check", str(tmp_path / "cut-in.xosc"))
+    (tmp_path / "a.rou.xml").write_text("<routes/>")
+    done = run("scenario", "check", str(tmp_path / "a.rou.xml"))
     assert (done.code, done.out) == (2, "")
-    assert done.complaint.startswith(f"{tmp_path}/cut-in.xosc: OpenSCENARIO is not read; expected a scenario of MORAI")
+    assert done.complaint.startswith(f"{tmp_path}/a.rou.xml: SUMO routes is not read; expected a scenario of MORAI")
     done = run("scenario", "check", str(tmp_path))
     assert (done.code, done.out) == (2, "")
-    assert done.complaint.endswith("; there is none; OpenSCENARIO is not read (cut-in.xosc)")
+    assert done.complaint.endswith("; there is none; SUMO routes is not read (a.rou.xml)")
+
+
+def test_a_story_is_checked_with_its_lines_and_its_places(tmp_path: Path) -> None:
+    file = tmp_path / "mine.xosc"
+    clothoid = routing("<RandomRouteAction/>")
+    events = event("turn", clothoid, after(1)), event("brake", speed(0), after(2))
+    file.write_text(
+        story({"Ego": teleport(link("L1_00", 20)), "Car": teleport(link("L1_00", 50))}, group("Car", *events))
+    )
+    done = run("scenario", "check", str(file), "--json")
+    account = json.loads(done.out)
+    assert (done.code, account["mistakes"]) == (1, ["mine.xosc: line 9: RandomRouteAction is not supported"])
+    done = run("scenario", "check", str(file), "--json", "--lenient", "--map", "track")
+    account = json.loads(done.out)
+    assert (done.code, account["mistakes"], account["ego"]) == (0, [], "Ego")
+    assert account["remarks"] == ["mine.xosc: line 9: RandomRouteAction is not supported; left out"]
+    assert account["holds"]["Event"] == 1
+    assert [(item["at"], item["x"]) for item in account["items"]] == [("Ego", 20.0), ("Car", 50.0)]
+    file.write_text(story({"Ego": teleport(link("nowhere", 20))}))
+    done = run("scenario", "check", str(file))
+    assert "LinkPosition: the map has no link 'nowhere'" in done.out
 
 
 def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
@@ -320,7 +342,10 @@ def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
         (("check", "demo", "--picture", "demo"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'demo'"),
         (("check", "demo", "--scenario-path", "/nowhere"), "/nowhere: expected a folder with scenarios"),
         (("check", "demo", "town", "--picture", "x.png"), "--picture: expected a single scenario to draw, got 2"),
-        (("check", "/dev"), "/dev: expected a folder with scenarios (*.json or */*.json); there is none"),
+        (
+            ("check", "/dev"),
+            "/dev: expected a folder with scenarios (*.json or *.xosc, in it or in its subfolders); there is none",
+        ),
         (("check", "demo", "--catalogue", "/nowhere.csv"), "/nowhere.csv: cannot be read: No such file or directory"),
     ],
 )

@@ -39,22 +39,22 @@ def test_format_is_known_by_content_and_else_by_name(name: str, content: str, fo
 
 def test_formats_of_a_folder_are_listed_with_an_example(tmp_path: Path) -> None:
     assert find_other_formats(tmp_path / "gone") == find_other_formats(tmp_path) == ""
-    for name in ("b.xosc", "a.xosc", "c.xodr", "d.json", "e.osm"):
+    for name in ("b.net.xml", "a.net.xml", "c.xodr", "d.json", "e.osm", "f.xosc"):
         (tmp_path / name).touch()
-    assert find_other_formats(tmp_path) == "OpenSCENARIO is not read (a.xosc); OpenStreetMap is not read (e.osm)"
+    assert find_other_formats(tmp_path) == "OpenStreetMap is not read (e.osm); SUMO net is not read (a.net.xml)"
 
 
 def test_scenario_or_map_in_another_format_is_refused_by_its_name(tmp_path: Path) -> None:
-    path = tmp_path / "cut-in.xosc"
-    path.write_text(XOSC)
-    (tmp_path / "x.json").write_text(XOSC)
-    expected = "expected a scenario of MORAI SIM in JSON"
+    path = tmp_path / "routes.rou.xml"
+    path.write_text(NET)
+    (tmp_path / "x.json").write_text(NET)
+    expected = "expected a scenario of MORAI SIM in JSON, or of OpenSCENARIO"
     library = DiskLibrary([tmp_path])
     for name in (str(path), str(tmp_path / "x.json")):
-        with pytest.raises(DocumentError, match=f"{name}: OpenSCENARIO is not read; {expected}"):
+        with pytest.raises(DocumentError, match=f"{name}: SUMO .* is not read; {expected}"):
             library.opening_file(name)
-    for name in ("cut-in.xosc", "gone.xosc", "x"):
-        with pytest.raises(DocumentError, match=f"OpenSCENARIO is not read; {expected}"):
+    for name, form in (("gone.osc", "OpenSCENARIO 2"), ("x", "SUMO net")):
+        with pytest.raises(DocumentError, match=f"{form} is not read; {expected}"):
             library.scenario(name)
     (tmp_path / "road.json").write_text(XODR)
     with pytest.raises(DocumentError, match=f"OpenDRIVE is a map, which --map takes; {expected}"):

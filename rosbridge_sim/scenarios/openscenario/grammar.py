@@ -1,0 +1,322 @@
+"""The table of OpenSCENARIO's elements: which are read, with which attributes and parts, and which are refused.
+
+A row is `Name: attributes parts`. An attribute is `name:type` or `name=word|word`, with `?` behind its name if it may
+be missing. A part is the name of an element: once, or with `?` (may be missing), `*` (any number), or `(A|B)` (one of
+them). A catalogue reference may stand wherever its entry may. `!` before a name refuses the element, and `~` keeps it
+without effect and without looking into it. The names are those of ASAM OpenSCENARIO XML 1.3; the versions before it
+have a part of them, and the four names at the end are additions of MORAI.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Final
+
+from rosbridge_sim.records import Record
+
+_RULE: Final = "rule=greaterThan|lessThan|equalTo|greaterOrEqual|lessOrEqual|notEqualTo"
+_DISTANCE: Final = (
+    "freespace:bool alongRoute?:bool coordinateSystem?=entity|lane|road|trajectory|world"
+    " relativeDistanceType?=longitudinal|lateral|cartesianDistance|euclidianDistance routingAlgorithm?:text"
+)
+_RELATIVE: Final = "entityRef:entity dx:number dy:number dz?:number Orientation?"
+_SHAPE: Final = (
+    "dynamicsShape=linear|cubic|sinusoidal|step dynamicsDimension=rate|time|distance value:number followingMode?:text"
+)
+_AXLE: Final = (
+    "maxSteering:number wheelDiameter:number trackWidth:number positionX:number positionZ:number wheelWidth?:number"
+)
+_LIMITS: Final = "maxSpeed?:number maxAcceleration?:number maxDeceleration?:number"
+_RATES: Final = "maxAccelerationRate?:number maxDecelerationRate?:number"
+_OVERRIDE: Final = "active:bool"
+
+_TABLE: Final = f"""
+OpenSCENARIO: FileHeader ParameterDeclarations? VariableDeclarations? MonitorDeclarations? CatalogLocations?
+    RoadNetwork? Entities Storyboard Evaluation? SimulatorInfo?
+FileHeader: revMajor:count revMinor:count date?:text description?:text author?:text License? Properties?
+~License
+ParameterDeclarations: ParameterDeclaration*
+ParameterDeclaration: name:text parameterType?:text value?:text ConstraintGroup*
+~ConstraintGroup
+VariableDeclarations: VariableDeclaration*
+VariableDeclaration: name:text variableType?:text value:text
+~MonitorDeclarations
+~CatalogLocations
+RoadNetwork: LogicFile? SceneGraphFile? TrafficSignals? UsedArea?
+LogicFile: filepath:text
+~SceneGraphFile
+~UsedArea
+TrafficSignals: TrafficSignalController*
+!TrafficSignalController
+Entities: ScenarioObject* EntitySelection*
+!EntitySelection
+ScenarioObject: name:text (Vehicle|Pedestrian|MiscObject|ExternalObjectReference) ObjectController*
+!ExternalObjectReference
+ObjectController: name?:text (Controller)
+Controller: name:text controllerType?:text ParameterDeclarations? Properties?
+Vehicle: name:text vehicleCategory:text model3d?:text mass?:number role?:text ParameterDeclarations? BoundingBox
+    Performance Axles? Properties? TrailerHitch? TrailerCoupler? Trailer?
+Pedestrian: name:text pedestrianCategory?:text model?:text model3d?:text mass?:number role?:text
+    ParameterDeclarations? BoundingBox Properties?
+MiscObject: name:text miscObjectCategory?:text model3d?:text mass?:number ParameterDeclarations? BoundingBox Properties?
+~TrailerHitch
+~TrailerCoupler
+~Trailer
+BoundingBox: Center Dimensions
+Center: x:number y:number z:number
+Dimensions: length:number width:number height:number
+Performance: {_LIMITS} {_RATES}
+Axles: FrontAxle? RearAxle? AdditionalAxle*
+FrontAxle: {_AXLE}
+RearAxle: {_AXLE}
+AdditionalAxle: {_AXLE}
+Properties: Property* File* CustomContent*
+Property: name:text value:text
+~File
+~CustomContent
+Storyboard: Init Story* StopTrigger?
+Init: Actions
+Actions: GlobalAction* UserDefinedAction* Private*
+Private: entityRef:entity PrivateAction*
+Story: name?:text ParameterDeclarations? Act*
+Act: name:text ManeuverGroup* StartTrigger? StopTrigger?
+ManeuverGroup: name:text maximumExecutionCount?:count Actors Maneuver*
+Actors: selectTriggeringEntities?=false EntityRef*
+EntityRef: entityRef:entity
+Maneuver: name:text ParameterDeclarations? Event*
+Event: name:text priority?=overwrite|override|skip|parallel maximumExecutionCount?:count Action* StartTrigger?
+Action: name:text (PrivateAction|GlobalAction|UserDefinedAction)
+!UserDefinedAction
+StartTrigger: ConditionGroup*
+StopTrigger: ConditionGroup*
+ConditionGroup: Condition*
+Condition: name:label delay?:number conditionEdge?=rising|falling|risingOrFalling|none
+    (ByEntityCondition|ByValueCondition)
+PrivateAction: (LongitudinalAction|LateralAction|SynchronizeAction|ControllerAction|ActivateControllerAction
+    |TeleportAction|RoutingAction|VisibilityAction|AppearanceAction|TrailerAction)
+LongitudinalAction: (SpeedAction|LongitudinalDistanceAction|SpeedProfileAction)
+LateralAction: (LaneChangeAction|LaneOffsetAction|LateralDistanceAction)
+SpeedAction: SpeedActionDynamics SpeedActionTarget
+SpeedActionDynamics: {_SHAPE}
+SpeedActionTarget: (AbsoluteTargetSpeed|RelativeTargetSpeed)
+AbsoluteTargetSpeed: value:number !SteadyState?
+RelativeTargetSpeed: entityRef:entity value:number speedTargetValueType=delta|factor continuous:bool
+LongitudinalDistanceAction: entityRef:entity continuous:bool freespace:bool distance?:number timeGap?:number
+    coordinateSystem?=entity|road|lane displacement?=any|leadingReferencedEntity|trailingReferencedEntity
+    DynamicConstraints?
+DynamicConstraints: {_LIMITS} {_RATES}
+SpeedProfileAction: followingMode=position|follow entityRef?:entity DynamicConstraints? SpeedProfileEntry*
+SpeedProfileEntry: speed:number time?:number
+LaneChangeAction: targetLaneOffset?:number LaneChangeActionDynamics LaneChangeTarget
+LaneChangeActionDynamics: {_SHAPE}
+LaneChangeTarget: (AbsoluteTargetLane|RelativeTargetLane)
+AbsoluteTargetLane: value:text
+RelativeTargetLane: entityRef:entity value:whole
+LaneOffsetAction: continuous:bool LaneOffsetActionDynamics LaneOffsetTarget
+LaneOffsetActionDynamics: dynamicsShape=linear|cubic|sinusoidal|step maxLateralAcc?:number
+LaneOffsetTarget: (AbsoluteTargetLaneOffset|RelativeTargetLaneOffset)
+AbsoluteTargetLaneOffset: value:number
+RelativeTargetLaneOffset: entityRef:entity value:number
+LateralDistanceAction: entityRef:entity continuous:bool freespace:bool distance?:number
+    coordinateSystem?=entity|road|lane displacement?=any|leftToReferencedEntity|rightToReferencedEntity
+    DynamicConstraints?
+SynchronizeAction: masterEntityRef:entity targetToleranceMaster?:number targetTolerance?:number TargetPositionMaster
+    TargetPosition FinalSpeed?
+TargetPositionMaster: (POSITIONS)
+TargetPosition: (POSITIONS)
+FinalSpeed: (AbsoluteSpeed|RelativeSpeedToMaster)
+AbsoluteSpeed: value:number !TargetDistanceSteadyState? !TargetTimeSteadyState?
+RelativeSpeedToMaster: value:number speedTargetValueType=delta|factor
+    !TargetDistanceSteadyState? !TargetTimeSteadyState?
+ControllerAction: AssignControllerAction? OverrideControllerValueAction? ActivateControllerAction?
+AssignControllerAction: activateLateral?:bool activateLongitudinal?:bool activateLighting?:bool
+    activateAnimation?:bool Controller?
+ActivateControllerAction: lateral?:bool longitudinal?:bool lighting?:bool animation?:bool objectControllerRef?:text
+    controllerRef?:text
+OverrideControllerValueAction: Throttle? Brake? Clutch? ParkingBrake? SteeringWheel? Gear?
+Throttle: {_OVERRIDE} value?:number maxRate?:number
+Brake: {_OVERRIDE} value?:number maxRate?:number BrakePercent? BrakeForce?
+~BrakePercent
+~BrakeForce
+Clutch: {_OVERRIDE} value?:number maxRate?:number
+ParkingBrake: {_OVERRIDE} value?:number BrakePercent? BrakeForce?
+SteeringWheel: {_OVERRIDE} value?:number maxRate?:number maxTorque?:number
+Gear: {_OVERRIDE} number?:number ManualGear? AutomaticGear?
+~ManualGear
+~AutomaticGear
+TeleportAction: Position
+RoutingAction: (AssignRouteAction|FollowTrajectoryAction|AcquirePositionAction|RandomRouteAction)
+AssignRouteAction: (Route)
+Route: name:text closed?:bool ParameterDeclarations? Waypoint*
+Waypoint: routeStrategy?:text Position
+AcquirePositionAction: Position
+FollowTrajectoryAction: initialDistanceOffset?:number Trajectory? TrajectoryRef? TimeReference TrajectoryFollowingMode?
+TrajectoryRef: (Trajectory)
+Trajectory: name:text closed?:bool ParameterDeclarations? Shape
+Shape: (Polyline|Clothoid|ClothoidSpline|Nurbs)
+Polyline: Vertex*
+Vertex: time?:number Position
+!Clothoid
+!ClothoidSpline
+!Nurbs
+TimeReference: (None|Timing)
+None:
+Timing: domainAbsoluteRelative=absolute|relative scale:number offset:number
+TrajectoryFollowingMode: followingMode=position|follow
+!RandomRouteAction
+!TrailerAction
+~VisibilityAction
+~AppearanceAction
+GlobalAction: (EnvironmentAction|EntityAction|InfrastructureAction|ParameterAction|VariableAction|SetMonitorAction
+    |TrafficAction)
+~EnvironmentAction
+~SetMonitorAction
+!TrafficAction
+EntityAction: entityRef:entity (AddEntityAction|DeleteEntityAction)
+AddEntityAction: Position
+DeleteEntityAction:
+InfrastructureAction: (TrafficSignalAction)
+TrafficSignalAction: (TrafficSignalStateAction|TrafficSignalControllerAction)
+TrafficSignalStateAction: name:text state:text
+!TrafficSignalControllerAction
+ParameterAction: parameterRef:text (SetAction|ModifyAction)
+VariableAction: variableRef:text (SetAction|ModifyAction)
+SetAction: value:text
+ModifyAction: Rule
+Rule: (AddValue|MultiplyByValue)
+AddValue: value:number
+MultiplyByValue: value:number
+Position: (POSITIONS)
+Orientation: type?=absolute|relative h?:number p?:number r?:number
+WorldPosition: x:number y:number z?:number h?:number p?:number r?:number
+RelativeWorldPosition: {_RELATIVE}
+RelativeObjectPosition: {_RELATIVE}
+RoadPosition: roadId:text s:number t:number Orientation?
+RelativeRoadPosition: entityRef:entity ds:number dt:number Orientation?
+LanePosition: roadId:text laneId:text s:number offset?:number Orientation?
+RelativeLanePosition: entityRef:entity dLane:whole ds?:number dsLane?:number offset?:number Orientation?
+RoutePosition: RouteRef InRoutePosition Orientation?
+RouteRef: (Route)
+InRoutePosition: (FromCurrentEntity|FromRoadCoordinates|FromLaneCoordinates)
+FromCurrentEntity: entityRef:entity
+FromRoadCoordinates: pathS:number t:number
+FromLaneCoordinates: pathS:number laneId:text laneOffset?:number
+!GeoPosition
+!TrajectoryPosition
+ByEntityCondition: TriggeringEntities EntityCondition
+TriggeringEntities: triggeringEntitiesRule=any|all EntityRef*
+EntityCondition: (EndOfRoadCondition|CollisionCondition|OffroadCondition|TimeHeadwayCondition|TimeToCollisionCondition
+    |AccelerationCondition|StandStillCondition|SpeedCondition|RelativeSpeedCondition|TraveledDistanceCondition
+    |ReachPositionCondition|DistanceCondition|RelativeDistanceCondition|RelativeClearanceCondition|AngleCondition
+    |RelativeAngleCondition)
+EndOfRoadCondition: duration:number
+CollisionCondition: EntityRef? ByType?
+ByType: type=pedestrian|vehicle|miscellaneous|external
+OffroadCondition: duration:number
+TimeHeadwayCondition: entityRef:entity value:number {_RULE} {_DISTANCE}
+TimeToCollisionCondition: value:number {_RULE} {_DISTANCE} TimeToCollisionConditionTarget
+TimeToCollisionConditionTarget: (EntityRef|Position)
+AccelerationCondition: value:number {_RULE} direction?=longitudinal|lateral|vertical
+StandStillCondition: duration:number
+SpeedCondition: value:number {_RULE} direction?=longitudinal|lateral|vertical
+RelativeSpeedCondition: entityRef:entity value:number {_RULE} direction?=longitudinal|lateral|vertical
+TraveledDistanceCondition: value:number
+ReachPositionCondition: tolerance:number Position
+DistanceCondition: value:number {_RULE} {_DISTANCE} Position
+RelativeDistanceCondition: entityRef:entity value:number {_RULE} {_DISTANCE}
+!RelativeClearanceCondition
+!AngleCondition
+!RelativeAngleCondition
+ByValueCondition: (ParameterCondition|VariableCondition|TimeOfDayCondition|SimulationTimeCondition
+    |StoryboardElementStateCondition|UserDefinedValueCondition|TrafficSignalCondition
+    |TrafficSignalControllerCondition)
+ParameterCondition: parameterRef:text value:text {_RULE}
+VariableCondition: variableRef:text value:text {_RULE}
+SimulationTimeCondition: value:number {_RULE}
+StoryboardElementStateCondition: storyboardElementType=story|act|maneuverGroup|maneuver|event|action
+    storyboardElementRef:text
+    state=standbyState|runningState|completeState|startTransition|endTransition|stopTransition|skipTransition
+TrafficSignalCondition: name:text state:text
+!TimeOfDayCondition
+!UserDefinedValueCondition
+!TrafficSignalControllerCondition
+LinkPosition: linkId:text s?:number offset?:number Orientation?
+Evaluation: SuccessConditionGroup* FailureConditionGroup*
+SuccessConditionGroup: Condition*
+FailureConditionGroup: Condition*
+SimulatorInfo: Map?
+Map: name:text
+"""
+
+POSITIONS: Final = (
+    *("WorldPosition", "RelativeWorldPosition", "RelativeObjectPosition", "RoadPosition", "RelativeRoadPosition"),
+    *("LanePosition", "RelativeLanePosition", "RoutePosition", "GeoPosition", "TrajectoryPosition", "LinkPosition"),
+)
+
+LEFT_OUT: Final = frozenset(
+    {"Event", "Act", "Private", "PrivateAction", "GlobalAction", "UserDefinedAction", "ConditionGroup", "Condition"}
+)
+"""Elements that `--lenient` leaves out when something in them is refused, where others of their kind may stand beside
+them."""
+
+
+class AttributeRow(Record):
+    """An attribute: its type, the words that it may be, and whether it must be there."""
+
+    kind: str
+    words: tuple[str, ...]
+    is_needed: bool
+
+
+class PartRow(Record):
+    """A part of an element: the tags that it may have, whether there must be one, and whether there may be many."""
+
+    tags: tuple[str, ...]
+    is_needed: bool
+    is_many: bool
+
+
+class Row(Record):
+    """A kind of element.
+
+    Attributes:
+        is_refused: it is known, and nothing reads it.
+        is_idle: it is kept without effect, whatever is in it.
+    """
+
+    attributes: Mapping[str, AttributeRow]
+    parts: tuple[PartRow, ...]
+    is_refused: bool = False
+    is_idle: bool = False
+
+    def part_of(self, tag: str) -> PartRow | None:
+        """Return the part that an element with this tag is."""
+        return next((part for part in self.parts if tag in part.tags), None)
+
+
+def _read_table(table: str) -> dict[str, Row]:
+    rows: dict[str, Row] = {}
+    for line in re.sub(r"\n {4}", " ", table).strip().splitlines():
+        name, _, rest = line.partition(":")
+        if name[0] in "!~":
+            rows[name[1:]] = Row({}, (), is_refused=name[0] == "!", is_idle=name[0] == "~")
+            continue
+        rest = re.sub(r" *\|", "|", rest).replace("(POSITIONS)", f"({'|'.join(POSITIONS)})")
+        attributes, parts = {}, []
+        for word in rest.split():
+            if word[0].islower():
+                key, sign, kind = re.split(r"([:=])", word, maxsplit=1)
+                words = tuple(kind.split("|")) if sign == "=" else ()
+                attributes[key.rstrip("?")] = AttributeRow("text" if words else kind, words, key[-1] != "?")
+                continue
+            tags = tuple(word.strip("!?*()").split("|"))
+            parts.append(PartRow(tags, word[-1] not in "?*", word[-1] == "*"))
+            if word[0] == "!":
+                rows.setdefault(tags[0], Row({}, (), is_refused=True))
+        rows[name] = Row(attributes, tuple(parts))
+    return rows
+
+
+GRAMMAR: Final[Mapping[str, Row]] = _read_table(_TABLE)
+"""Kinds of elements by tag."""

@@ -1,0 +1,282 @@
+"""A story: what a file of OpenSCENARIO asks for, without XML.
+
+`read_story` makes it of the texts of the file and its catalogues. The texts are kept with it: they are what a snapshot
+has of a story.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.printable import printable
+from rosbridge_sim.records import Record, field
+from rosbridge_sim.scenarios.openscenario.story_items import Findings, StoryItem, StoryItemReader, evaluate, place_of
+from rosbridge_sim.suggestions import hint
+from rosbridge_sim.xml_documents import Element, read_whole
+
+MAX_STORY_BYTES: Final = 1 << 21
+"""Largest file, of a scenario or of catalogues: 2 MiB. The largest of 288 public ones has 0.1 MB."""
+
+MAX_ENTITIES: Final = 1_000
+MAX_EVENTS: Final = 10_000
+MAX_FOLDERS: Final = 16
+MAX_SHOWN: Final = 8
+"""Refused things that an error names; `scenario check` lists all."""
+
+EGO_NAMES: Final = ("ego", "ego_vehicle", "egovehicle", "ego vehicle", "hero", "host")
+"""Names of the ego in files of MORAI, CARLA and esmini, in lower case."""
+
+
+class StoryText(Record):
+    """The texts that a story is made of, and how they are read.
+
+    Attributes:
+        source: name of the file, for errors.
+        text: its bytes.
+        catalogues: names and bytes of the files of catalogues, in order.
+        parameters: values that count in place of those of the file.
+        ego: name of the entity that is the ego; empty for the rule of `choose_ego`.
+        is_lenient: leave out what is refused.
+        drives_ego: the story moves the ego, not the user's program.
+    """
+
+    source: str
+    text: bytes
+    catalogues: tuple[tuple[str, bytes], ...] = ()
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    ego: str = ""
+    is_lenient: bool = False
+    drives_ego: bool = False
+
+
+class Story(Record, eq=False):
+    """A story.
+
+    Attributes:
+        text: what it is made of.
+        entities: `ScenarioObject` items by name, in order.
+        ego: name of the entity that is the ego; empty if there is none.
+        init: `Actions` of `Init`.
+        storyboard: acts, events, conditions.
+        evaluation: MORAI's groups of conditions; None for none.
+        parameters, variables: values at the start, by name.
+        map_file: path of the map as the file spells it; empty for none.
+        map_name: name of the map in MORAI's addition; empty for none.
+        findings: what is told about the file.
+    """
+
+    text: StoryText
+    entities: Mapping[str, StoryItem]
+    ego: str
+    init: StoryItem
+    storyboard: StoryItem
+    evaluation: StoryItem | None
+    parameters: Mapping[str, str]
+    variables: Mapping[str, str]
+    map_file: str
+    map_name: str
+    findings: Findings
+
+
+def catalogue_folders(text: bytes, source: str, parameters: Mapping[str, str]) -> list[str]:
+    """Return the folders of catalogues that a scenario names, as it spells them, and the path of its map.
+
+    Raises:
+        DocumentError: it is no OpenSCENARIO, or it names too many.
+    """
+    root = _read_root(text, source)
+    known = StoryItemReader({}, is_lenient=True).declare(root, {}, parameters)
+    folders = []
+    locations = root.first("CatalogLocations")
+    for location in () if locations is None else locations.children:
+        for folder in location.children:
+            path = folder.attributes.get("path")
+            if folder.tag == "Directory" and path is not None:
+                folders.append(evaluate(path, known, place_of(folder)))
+    if len(folders) > MAX_FOLDERS:
+        raise DocumentError(f"{source}: expected at most {MAX_FOLDERS} folders of catalogues, got {len(folders)}")
+    return list(dict.fromkeys(folders))
+
+
+def declared_parameters(text: bytes, source: str) -> set[str]:
+    """Return the names of the parameters of a scenario.
+
+    Raises:
+        DocumentError: it is no OpenSCENARIO.
+    """
+    return _declared(_read_root(text, source))
+
+
+def _declared(root: Element) -> set[str]:
+    declared = root.first("ParameterDeclarations")
+    return set() if declared is None else {each.attributes.get("name", "") for each in declared.children}
+
+
+def _read_root(text: bytes, source: str) -> Element:
+    if len(text) > MAX_STORY_BYTES:
+        raise DocumentError(f"{source}: expected at most {MAX_STORY_BYTES:,} bytes, got {len(text):,}")
+    return read_whole(text, source, "OpenSCENARIO")
+
+
+def read_story(given: StoryText) -> Story:
+    """Read a scenario and its catalogues.
+
+    Raises:
+        DocumentError: a file is wrong, or something in it is not supported and must not be left out. One line, with the
+            file and the line of each.
+    """
+    story, findings = examine_story(given)
+    refused = [] if given.is_lenient and story is not None else findings.refused
+    wrong = [*findings.mistakes, *refused]
+    if wrong or story is None:
+        more = f"; and {len(wrong) - MAX_SHOWN} more, see scenario check" if len(wrong) > MAX_SHOWN else ""
+        aside = "; --lenient leaves out what is not supported" if refused and not findings.mistakes else ""
+        raise DocumentError("; ".join(wrong[:MAX_SHOWN]) + more + aside)
+    return story
+
+
+def examine_story(given: StoryText) -> tuple[Story | None, Findings]:
+    """Return the story of a file as far as there is one, and all that is told about the file.
+
+    Raises:
+        DocumentError: a file is no XML, or no OpenSCENARIO.
+    """
+    root = _read_root(given.text, given.source)
+    if root.first("Storyboard") is None and root.first("Catalog") is not None:
+        raise DocumentError(f"{given.source}: expected a scenario, got a catalogue")
+    reader = StoryItemReader(_catalogues(given), is_lenient=given.is_lenient)
+    findings = reader.findings
+    parameters = reader.declare(root, {}, given.parameters)
+    declared = _declared(root)
+    for name in given.parameters:
+        if name not in declared:
+            findings.mistakes.append(f"{given.source}: no parameter {printable(name, 60)!r}{hint(name, declared)}")
+    entities = root.first("Entities")
+    names = [each.attributes.get("name", "") for each in (() if entities is None else entities.children)]
+    if len(names) > MAX_ENTITIES:
+        raise DocumentError(f"{given.source}: expected at most {MAX_ENTITIES:,} entities, got {len(names):,}")
+    reader.entities = frozenset(evaluate(name, parameters, given.source) for name in names)
+    if len(reader.entities) < len(names):
+        findings.mistakes.append(f"{given.source}: two entities have the same name")
+    item = reader.read(root, {}, given.parameters)
+    if item is None:
+        return None, findings
+    story = _make(given, item, parameters, findings)
+    _check(story)
+    return story, findings
+
+
+def _catalogues(given: StoryText) -> dict[str, dict[str, Element]]:
+    """Return the entries of all catalogues, by the names of both."""
+    found: dict[str, dict[str, Element]] = {}
+    for name, text in given.catalogues:
+        catalogue = _read_root(text, name).first("Catalog")
+        if catalogue is not None:
+            entries = {entry.attributes.get("name", ""): entry for entry in catalogue.children}
+            found.setdefault(catalogue.attributes.get("name", ""), {}).update(entries)
+    return found
+
+
+def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], findings: Findings) -> Story:
+    entities = {each["name"]: each for each in root.part("Entities").all("ScenarioObject")}
+    board = root.part("Storyboard")
+    declared = root.find("VariableDeclarations")
+    variables = {each["name"]: each["value"] for each in (() if declared is None else declared.parts)}
+    network, info = root.find("RoadNetwork"), root.find("SimulatorInfo")
+    logic = None if network is None else network.find("LogicFile")
+    path = "" if logic is None else logic["filepath"]
+    named = None if info is None else info.find("Map")
+    map_name = variables.get("moraiMap", "") if named is None else named["name"]
+    return Story(
+        text=given,
+        entities=entities,
+        ego=choose_ego(given.ego, entities, given.source, findings),
+        init=board.part("Init").part("Actions"),
+        storyboard=board,
+        evaluation=root.find("Evaluation"),
+        parameters=parameters,
+        variables={name: value for name, value in variables.items() if name != "moraiMap"},
+        map_file="" if map_name or path.lower().rstrip("/").endswith("mgeo") else path,
+        map_name=map_name,
+        findings=findings,
+    )
+
+
+def choose_ego(wanted: str, entities: Mapping[str, StoryItem], source: str, findings: Findings) -> str:
+    """Return the name of the ego: the wanted entity; else one with a usual name; else the first vehicle.
+
+    Args:
+        wanted: by the user; empty for the rule.
+        findings: gets a line about the choice.
+    """
+    vehicles = [name for name, entity in entities.items() if entity.find("Vehicle") is not None]
+    if wanted:
+        if wanted not in vehicles:
+            findings.mistakes.append(
+                f"{source}: --ego-entity: no vehicle {printable(wanted, 60)!r}{hint(wanted, vehicles)}"
+                f"; there are {', '.join(vehicles[:12]) or 'none'}"
+            )
+        return wanted
+    for name in vehicles:
+        role = entities[name].part("Vehicle").get("role", "")
+        if name.lower() in EGO_NAMES or role == "ego":
+            return name
+    if vehicles:
+        findings.notes.append(f"{source}: no entity is named Ego: {vehicles[0]!r}, the first vehicle, is the ego")
+    return vehicles[0] if vehicles else ""
+
+
+def _check(story: Story) -> None:
+    """Check names that refer to something within the story."""
+    mistakes, source = story.findings.mistakes, story.text.source
+    names = {kind: set(of) for kind, of in element_names(story.storyboard).items()}
+    num_events = 0
+    for item in each_item(story.storyboard):
+        num_events += item.kind == "Event"
+        known: Mapping[str, str] | set[str]
+        if item.kind == "StoryboardElementStateCondition":
+            known, key = names[item["storyboardElementType"]], "storyboardElementRef"
+            ref = item[key].rpartition("::")[2]
+        elif item.kind in {"VariableCondition", "VariableAction"}:
+            known, key = story.variables, "variableRef"
+            ref = item[key]
+        elif item.kind in {"ParameterCondition", "ParameterAction"}:
+            known, key = story.parameters, "parameterRef"
+            ref = item[key]
+        else:
+            continue
+        if ref not in known:
+            what = f"{item.where}: {item.kind}.{key}: there is no {printable(ref, 60)!r}{hint(ref, sorted(known))}"
+            (story.findings.notes if story.text.is_lenient else mistakes).append(what)
+    if num_events > MAX_EVENTS:
+        mistakes.append(f"{source}: expected at most {MAX_EVENTS:,} events, got {num_events:,}")
+
+
+ELEMENT_TYPES: Final = {
+    "story": "Story",
+    "act": "Act",
+    "maneuverGroup": "ManeuverGroup",
+    "maneuver": "Maneuver",
+    "event": "Event",
+    "action": "Action",
+}
+"""Types in `StoryboardElementStateCondition` -> kinds of items."""
+
+
+def element_names(board: StoryItem) -> dict[str, list[str]]:
+    """Return the names of a storyboard's elements, by type."""
+    kinds = {kind: name for name, kind in ELEMENT_TYPES.items()}
+    names: dict[str, list[str]] = {name: [] for name in ELEMENT_TYPES}
+    for item in each_item(board):
+        if item.kind in kinds:
+            names[kinds[item.kind]].append(item.get("name", ""))
+    return names
+
+
+def each_item(item: StoryItem) -> Iterator[StoryItem]:
+    """Yield an item and all within it, in order."""
+    yield item
+    for part in item.parts:
+        yield from each_item(part)

@@ -1,0 +1,358 @@
+"""The storyboard of a story as a machine: states of its elements, triggers, priorities, delays, edges, executions.
+
+The machine knows neither the world nor actions: a host measures conditions, begins and ends actions, and says which are
+done. A frame is one call of `advance`. What decides the next frames is in `BoardState`, which is plain data, so a
+saved machine goes on to the bit. Conditions see the states as they were after the frame before, so the order of the
+elements in the file decides nothing.
+
+The rules are those of ASAM OpenSCENARIO 1.3, section 8:
+
+- An edge needs a value before: at the first look `rising` and `falling` are false.
+- A condition with a delay is what it was so long ago.
+- An event with `override` (`overwrite` up to 1.1) ends the running events of its maneuver. With `skip` it does not
+  start, and counts as executed, while another one runs.
+- An element whose execution ends goes back to standby until `maximumExecutionCount`, then it is complete.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Final, Protocol
+
+from rosbridge_sim.records import Record
+from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+
+KINDS: Final = ("Storyboard", "Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action")
+
+MAX_CHANGES: Final = 10_000
+"""Most changes of a condition with a delay that are kept."""
+
+
+class State(IntEnum):
+    """State of an element."""
+
+    STANDBY = 0
+    RUNNING = 1
+    COMPLETE = 2
+
+
+class Transition(IntEnum):
+    """Transition of an element within a frame."""
+
+    NONE = 0
+    START = 1
+    END = 2
+    STOP = 3
+    SKIP = 4
+
+
+STATE_WORDS: Final = {"standbyState": State.STANDBY, "runningState": State.RUNNING, "completeState": State.COMPLETE}
+CHANGE_WORDS: Final = {
+    "startTransition": Transition.START,
+    "endTransition": Transition.END,
+    "stopTransition": Transition.STOP,
+    "skipTransition": Transition.SKIP,
+}
+
+
+class BoardPart(Record, eq=False):
+    """An element of a storyboard.
+
+    Attributes:
+        kind: one of `KINDS`.
+        parent: its number; -1 for the storyboard.
+        children: numbers of the elements within it.
+        start, stop: groups of numbers of conditions; all of a group must hold. None without a trigger.
+    """
+
+    kind: str
+    name: str
+    item: StoryItem
+    parent: int
+    children: tuple[int, ...]
+    start: tuple[tuple[int, ...], ...] | None
+    stop: tuple[tuple[int, ...], ...] | None
+
+
+class Host(Protocol):
+    """What conditions and actions mean."""
+
+    def measure(self, condition: StoryItem) -> tuple[bool, float]:
+        """Return whether what is in a `Condition` holds now, and the figure that it compares (NaN for none)."""
+
+    def begin(self, number: int) -> None:
+        """Begin the action of a part."""
+
+    def is_done(self, number: int) -> bool:
+        """Return whether an action has ended."""
+
+    def end(self, number: int) -> None:
+        """End an action before it is done."""
+
+
+@dataclass(slots=True)
+class BoardState:
+    """All that changes, by numbers of parts and of conditions.
+
+    Attributes:
+        states, changes, counts: of each part: `State`, `Transition` in the last frame, and number of executions.
+        before: of each condition, whether it held at the last look; -1 before the first one.
+        history: of each condition with a delay, frames and values: from the frame on it was so.
+        figures: of each condition, the figure that it compared last; 0 before the first look.
+        is_over: the storyboard's stop trigger has fired.
+        verdict: `success` or `failure`, once a group of the evaluation held; empty before.
+    """
+
+    states: list[int]
+    changes: list[int]
+    counts: list[int]
+    before: list[int]
+    history: list[list[tuple[int, bool]]]
+    figures: list[float]
+    is_over: bool = False
+    verdict: str = ""
+
+
+@dataclass(slots=True)
+class _Table:
+    parts: list[BoardPart] = field(default_factory=list)
+    conditions: list[StoryItem] = field(default_factory=list)
+
+
+class Storyboard:
+    """The machine of one story.
+
+    Attributes:
+        parts: all elements, each before those within it; number 0 is the storyboard.
+        conditions: all `Condition` items of triggers.
+        state: what changes.
+    """
+
+    def __init__(self, board: StoryItem, frame_time: float, evaluation: StoryItem | None = None) -> None:
+        """Begin with all elements in standby.
+
+        Args:
+            frame_time: length of a frame [s].
+            evaluation: MORAI's groups of conditions for a verdict; None for none.
+        """
+        table = _Table()
+        _flatten(board, -1, table)
+        groups = () if evaluation is None else evaluation.parts
+        self._verdicts = [(group.kind, _numbers(group, table)) for group in groups]
+        self.parts: Sequence[BoardPart] = table.parts
+        self.conditions: Sequence[StoryItem] = table.conditions
+        self._delay = [round(each.get("delay", 0.0) / frame_time) for each in self.conditions]
+        self._seen_states: list[int] = []
+        self._seen_changes: list[int] = []
+        self._frame = 0
+        self.state = self.fresh()
+
+    def fresh(self) -> BoardState:
+        """Return the state at the start."""
+        num, most = len(self.parts), len(self.conditions)
+        nothing: list[list[tuple[int, bool]]] = [[] for _ in range(most)]
+        return BoardState([0] * num, [0] * num, [0] * num, [-1] * most, nothing, [0.0] * most)
+
+    def fits(self, state: BoardState) -> bool:
+        """Return whether a state from outside can be one of this machine."""
+        parts = (state.states, state.changes, state.counts)
+        conditions = (state.before, state.history, state.figures)
+        return (
+            all(len(each) == len(self.parts) for each in parts)
+            and all(len(each) == len(self.conditions) for each in conditions)
+            and set(state.states) <= set(State)
+            and set(state.changes) <= set(Transition)
+        )
+
+    def advance(self, frame: int, host: Host) -> None:
+        """Look at all triggers once, begin and end elements.
+
+        Args:
+            frame: number of the frame, from 1; it rises by one from call to call.
+            host: what conditions and actions mean.
+        """
+        state = self.state
+        self._frame = frame
+        self._seen_states, self._seen_changes = list(state.states), list(state.changes)
+        state.changes = [0] * len(self.parts)
+        self._judge(host)
+        if state.is_over:
+            return
+        board = self.parts[0]
+        if self._fires(board.stop, host):
+            self._stop(0, host)
+            state.is_over = True
+            return
+        state.states[0] = State.RUNNING
+        for story in board.children:
+            self._step(story, host)
+
+    def _judge(self, host: Host) -> None:
+        """Give the verdict, once; in a frame with both it is `failure`."""
+        if self.state.verdict:
+            return
+        looked_at = [(kind, [self._holds(number, host) for number in group]) for kind, group in self._verdicts]
+        held = {kind for kind, each in looked_at if all(each)}
+        if held:
+            self.state.verdict = "failure" if "FailureConditionGroup" in held else "success"
+
+    def seen(self, kind: str, name: str, word: str) -> bool:
+        """Return whether an element of this kind and name was in a state, or made a transition, in the frame before.
+
+        Args:
+            kind: one of `KINDS`.
+            name: with the names around it before `::`, or alone.
+            word: of `STATE_WORDS` or `CHANGE_WORDS`.
+        """
+        for number in self.find(kind, name):
+            if word in STATE_WORDS:
+                if self._seen_states[number] == STATE_WORDS[word]:
+                    return True
+            elif self._seen_changes[number] == CHANGE_WORDS[word]:
+                return True
+        return False
+
+    def find(self, kind: str, name: str) -> Iterator[int]:
+        """Yield the numbers of the parts with a kind and name."""
+        *around, own = name.split("::")
+        for number, part in enumerate(self.parts):
+            if part.kind == kind and part.name == own and all(each in self._names_around(number) for each in around):
+                yield number
+
+    def _names_around(self, number: int) -> list[str]:
+        names = []
+        while number >= 0:
+            names.append(self.parts[number].name)
+            number = self.parts[number].parent
+        return names
+
+    def _step(self, number: int, host: Host) -> None:
+        """Let a story, act, group, maneuver or event go on by a frame."""
+        part, state = self.parts[number], self.state
+        if state.states[number] == State.COMPLETE:
+            return
+        if part.kind == "Event":
+            self._step_event(number, host)
+            return
+        if state.states[number] == State.STANDBY:
+            if part.start and not self._fires(part.start, host):
+                return
+            self._enter(number)
+        elif self._fires(part.stop, host):
+            self._stop(number, host)
+            return
+        for child in part.children:
+            self._step(child, host)
+        if all(state.states[child] == State.COMPLETE for child in part.children):
+            self._leave(number, Transition.END)
+            if state.states[number] == State.STANDBY:  # a group that is executed again
+                for inner in self._within(number):
+                    state.states[inner], state.counts[inner] = State.STANDBY, 0
+
+    def _step_event(self, number: int, host: Host) -> None:
+        part, state = self.parts[number], self.state
+        fires = not part.start or self._fires(part.start, host)
+        if state.states[number] == State.RUNNING:
+            if all(host.is_done(action) for action in part.children):
+                for action in part.children:
+                    self._leave(action, Transition.END)
+                self._leave(number, Transition.END)
+            return
+        if not fires:
+            return
+        others = [
+            each for each in self.parts[part.parent].children if each != number and state.states[each] == State.RUNNING
+        ]
+        priority = part.item.get("priority", "parallel")
+        if priority == "skip" and others:
+            state.counts[number] += 1
+            self._leave(number, Transition.SKIP)
+            return
+        if priority in {"override", "overwrite"}:
+            for each in others:
+                self._stop(each, host)
+        self._enter(number)
+        for action in part.children:
+            self._enter(action)
+            host.begin(action)
+
+    def _enter(self, number: int) -> None:
+        state = self.state
+        state.states[number], state.changes[number] = State.RUNNING, Transition.START
+        state.counts[number] += 1
+
+    def _leave(self, number: int, change: Transition) -> None:
+        """Leave an element: to standby if it may be executed again, else it is complete."""
+        state, part = self.state, self.parts[number]
+        most = part.item.get("maximumExecutionCount", 1) if part.kind in {"Event", "ManeuverGroup"} else 1
+        state.states[number] = State.STANDBY if state.counts[number] < most else State.COMPLETE
+        state.changes[number] = change
+
+    def _stop(self, number: int, host: Host) -> None:
+        """End an element and all within it before they are done."""
+        state = self.state
+        for each in (*self._within(number), number):
+            if self.parts[each].kind == "Action" and state.states[each] == State.RUNNING:
+                host.end(each)
+            was_running = state.states[each] == State.RUNNING
+            if each == number and self.parts[each].kind == "Event":
+                self._leave(each, Transition.STOP)
+                continue
+            state.states[each] = State.COMPLETE
+            state.changes[each] = Transition.STOP if was_running else Transition.NONE
+
+    def _within(self, number: int) -> Iterator[int]:
+        for child in self.parts[number].children:
+            yield child
+            yield from self._within(child)
+
+    def _fires(self, groups: tuple[tuple[int, ...], ...] | None, host: Host) -> bool:
+        """Return whether all conditions of one of the groups hold. Each is looked at, because edges need each frame."""
+        held = [[self._holds(number, host) for number in group] for group in groups or ()]
+        return any(all(each) for each in held)
+
+    def _holds(self, number: int, host: Host) -> bool:
+        state, condition = self.state, self.conditions[number]
+        is_so, figure = host.measure(condition)
+        before, state.before[number] = state.before[number], int(is_so)
+        state.figures[number] = figure if math.isfinite(figure) else 0.0
+        edge = condition.get("conditionEdge", "none")
+        rises, falls = before == 0 and is_so, before == 1 and not is_so
+        value = {"none": is_so, "rising": rises, "falling": falls, "risingOrFalling": rises or falls}[edge]
+        delay = self._delay[number]
+        if delay <= 0:
+            return bool(value)
+        history = state.history[number]
+        if not history or history[-1][1] != value:
+            history.append((self._frame, bool(value)))
+        while len(history) > 1 and (history[1][0] <= self._frame - delay or len(history) > MAX_CHANGES):
+            history.pop(0)
+        since, was_so = history[0]
+        return was_so and since <= self._frame - delay
+
+
+def _flatten(item: StoryItem, parent: int, table: _Table) -> int:
+    """Add an element and those within it to a table; return its number."""
+    number = len(table.parts)
+    triggers = [_groups(item.find(kind), table) for kind in ("StartTrigger", "StopTrigger")]
+    part = BoardPart(item.kind, item.get("name", ""), item, parent, (), *triggers)
+    table.parts.append(part)
+    children = tuple([_flatten(each, number, table) for each in item.parts if each.kind in KINDS])
+    table.parts[number] = BoardPart(part.kind, part.name, item, parent, children, *triggers)
+    return number
+
+
+def _groups(trigger: StoryItem | None, table: _Table) -> tuple[tuple[int, ...], ...] | None:
+    if trigger is None:
+        return None
+    return tuple([_numbers(group, table) for group in trigger.parts])
+
+
+def _numbers(group: StoryItem, table: _Table) -> tuple[int, ...]:
+    """Add the conditions of a group to a table; return their numbers."""
+    first = len(table.conditions)
+    table.conditions.extend(group.parts)
+    return tuple(range(first, len(table.conditions)))

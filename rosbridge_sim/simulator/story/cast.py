@@ -1,0 +1,257 @@
+"""The actors of a story: where they are on lanes and in the map frame, and how they move by default.
+
+An actor is moved by the story (a ghost that this module places), by the user's program (the ego), or by a driver of the
+world (lane following). By default an actor of the story keeps its speed and its offset from the line of its lane. Where
+it moves sideways, its way is the hypotenuse, so its speed is what the story says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.printable import printable
+from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
+from rosbridge_sim.world.state.world import DT, MAX_SPEED, World
+
+STORY: Final = "story"
+PROGRAM: Final = "program"
+DRIVER: Final = "driver"
+MODES: Final = frozenset({STORY, PROGRAM, DRIVER})
+
+STANDS: Final = 0.01
+"""What is slower stands still [m/s]."""
+
+_COLUMNS: Final = ("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "yaw_rate")
+
+
+@dataclass(slots=True)
+class StoryActor:
+    """An entity of a story.
+
+    Attributes:
+        uid: id in the world; -1 while it is not there.
+        mode: what moves it: STORY, PROGRAM or DRIVER.
+        lane, s, offset, turned: where it is on a lane, see `OnLane`.
+        x, y, z, yaw, roll, pitch: where it is in the map frame [m, rad].
+        speed: along its heading [m/s].
+        accel: [m/s^2].
+        aside: speed to the left of its lane [m/s].
+        travelled: way since the start [m].
+        still, at_end, off_road: for how long it stands, is at the end of a road, is on no lane [s].
+        route: rows of lanes that it takes where lanes fork.
+        is_placed: an action has placed it in this frame.
+    """
+
+    uid: int = -1
+    mode: str = STORY
+    lane: int = -1
+    s: float = 0.0
+    offset: float = 0.0
+    turned: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    yaw: float = 0.0
+    roll: float = 0.0
+    pitch: float = 0.0
+    speed: float = 0.0
+    accel: float = 0.0
+    aside: float = 0.0
+    travelled: float = 0.0
+    still: float = 0.0
+    at_end: float = 0.0
+    off_road: float = 0.0
+    route: list[int] = field(default_factory=list)
+    is_placed: bool = False
+
+    @property
+    def place(self) -> MapPlace:
+        """Where it is in the map frame."""
+        return MapPlace(self.x, self.y, self.z, self.yaw, self.roll, self.pitch)
+
+    @property
+    def on_lane(self) -> OnLane:
+        """Where it is on a lane."""
+        return OnLane(self.lane, self.s, self.offset, self.turned)
+
+    @property
+    def direction(self) -> float:
+        """1 if it drives along its lane, -1 against it."""
+        return -1.0 if math.cos(self.turned) < 0.0 else 1.0
+
+
+class Cast:
+    """The actors of a story in a world."""
+
+    def __init__(self, world: World, story_map: StoryMap, actors: Mapping[str, StoryActor]) -> None:
+        self.world = world
+        self.map = story_map
+        self.actors = actors
+        self._before: dict[str, tuple[float, float]] = {}
+
+    def find(self, name: str) -> StoryActor:
+        """Return an actor that is in the world.
+
+        Raises:
+            DocumentError: it is not.
+        """
+        actor = self.actors[name]
+        if actor.uid < 0:
+            raise DocumentError(f"{printable(name, 60)} is not in the world")
+        return actor
+
+    def locate(self, name: str) -> tuple[MapPlace, OnLane]:
+        """Return where an actor is; errors as for `find`."""
+        actor = self.find(name)
+        return actor.place, actor.on_lane
+
+    def put(self, actor: StoryActor, place: MapPlace) -> None:
+        """Put an actor at a place, and onto the lane there."""
+        yaw = math.remainder(place.yaw, math.tau)
+        actor.x, actor.y, actor.z, actor.yaw = place.x, place.y, place.z, yaw
+        actor.roll, actor.pitch = math.remainder(place.roll, math.tau), math.remainder(place.pitch, math.tau)
+        self.take_lane(actor)
+        actor.at_end = 0.0
+
+    def take_lane(self, actor: StoryActor) -> None:
+        """Note the lane that an actor is on, by its place."""
+        on = self.map.project(actor.place)
+        actor.lane, actor.s, actor.offset, actor.turned = on.lane, on.s, on.offset, on.turned
+
+    def show(self, actor: StoryActor) -> None:
+        """Write place and speed of an actor into the world, outside of a step."""
+        row = self.world.row(actor.uid)
+        pose = {axis: getattr(actor, axis) for axis in ("x", "y", "z", "yaw", "roll", "pitch")}
+        speed = max(-MAX_SPEED, min(MAX_SPEED, actor.speed))
+        (teleport if actor.mode == PROGRAM else place_ghost)(self.world, row, **pose, speed=speed)
+
+    def hand_over(self, actor: StoryActor) -> None:
+        """Have a driver of the world drive an actor along the lanes; one that is on none stays as it is."""
+        if actor.lane < 0 or actor.mode == PROGRAM or abs(actor.turned) > math.pi / 4:
+            return
+        row = self.world.row(actor.uid)
+        route = tuple(actor.route[actor.route.index(actor.lane) :]) if actor.lane in actor.route else ()
+        teleport(self.world, row, x=actor.x, y=actor.y, z=actor.z, yaw=actor.yaw, speed=max(actor.speed, 0.0))
+        keep_lanes(self.world, [LaneStart(row, actor.lane, actor.s, max(actor.speed, STANDS), route, lateral=0.0)])
+        actor.mode = DRIVER
+
+    def observe(self) -> None:
+        """Look where those actors are that the story does not move, and which of all stand still."""
+        world = self.world
+        for actor in self.actors.values():
+            if actor.uid >= 0 and actor.uid not in world:
+                actor.uid = -1
+            if actor.uid < 0:
+                continue
+            if actor.mode != STORY:
+                row = world.row(actor.uid)
+                before = actor.x, actor.y
+                actor.x, actor.y, actor.z = (getattr(world, axis).item(row) for axis in "xyz")
+                actor.yaw, actor.roll, actor.pitch = (
+                    getattr(world, axis).item(row) for axis in ("yaw", "roll", "pitch")
+                )
+                actor.speed, actor.accel = world.speed.item(row), world.accel.item(row)
+                actor.travelled += math.hypot(actor.x - before[0], actor.y - before[1])
+                self.take_lane(actor)
+            actor.still = actor.still + DT if abs(actor.speed) < STANDS else 0.0
+            is_off = actor.lane < 0 or abs(actor.offset) > 0.5 * float(self.map.roads.width[actor.lane])
+            actor.off_road = actor.off_road + DT if is_off else 0.0
+
+    def begin_frame(self) -> None:
+        """Note speeds and offsets before the actions of a frame change them."""
+        self._before = {name: (actor.speed, actor.offset) for name, actor in self.actors.items()}
+        for actor in self.actors.values():
+            actor.is_placed = False
+
+    def move(self) -> None:
+        """Move all actors of the story by a frame, and write them into the world, within a step."""
+        moved = [
+            (name, actor) for name, actor in self.actors.items() if actor.uid in self.world and actor.mode == STORY
+        ]
+        if not moved:
+            return
+        on_lanes = [(name, actor) for name, actor in moved if actor.lane >= 0 and not actor.is_placed]
+        curvature = self._curvature([actor for _, actor in on_lanes])
+        for (name, actor), bend in zip(on_lanes, curvature, strict=True):
+            self._drive(actor, *self._before[name], bend)
+        for name, actor in moved:
+            if actor.lane < 0 and not actor.is_placed:
+                way = 0.5 * (actor.speed + self._before[name][0]) * DT
+                actor.x += way * math.cos(actor.yaw)
+                actor.y += way * math.sin(actor.yaw)
+                actor.travelled += abs(way)
+        before = {name: actor.yaw for name, actor in moved}
+        self._set_down([actor for _, actor in on_lanes])
+        rates = [math.remainder(actor.yaw - before[name], math.tau) / DT for name, actor in moved]
+        for name, actor in moved:
+            actor.accel = (actor.speed - self._before[name][0]) / DT
+        rows = np.array([self.world.row(actor.uid) for _, actor in moved])
+        values = np.array(
+            [
+                [actor.x, actor.y, actor.z, actor.roll, actor.pitch, actor.yaw, actor.speed, actor.accel, rate]
+                for (_, actor), rate in zip(moved, rates, strict=True)
+            ]
+        ).T
+        show_ghosts(self.world, rows, _COLUMNS, values)
+
+    def _drive(self, actor: StoryActor, speed: float, offset: float, curvature: float) -> None:
+        """Move an actor along its lane.
+
+        Args:
+            speed, offset: before the actions of the frame.
+            curvature: of its lane [1/m].
+        """
+        way = 0.5 * (actor.speed + speed) * DT
+        aside = actor.offset - offset
+        along = math.copysign(math.sqrt(max(way * way - aside * aside, 0.0)), way)
+        stretch = max(1.0 - curvature * actor.offset, 0.1)
+        on, left = self.map.move(actor.on_lane, actor.direction * along / stretch, actor.route)
+        if left:
+            actor.at_end += DT
+        else:
+            actor.at_end = 0.0
+        actor.travelled += max(abs(way) - abs(left), 0.0)
+        actor.lane, actor.s = on.lane, on.s
+        actor.aside = aside / DT
+        base = math.pi if actor.direction < 0.0 else 0.0
+        if way:
+            actor.turned = math.remainder(base + actor.direction * math.atan2(aside, abs(along)), math.tau)
+
+    def _curvature(self, actors: list[StoryActor]) -> list[float]:
+        if not actors:
+            return []
+        lane = np.array([actor.lane for actor in actors])
+        s = np.array([actor.s for actor in actors])
+        length = self.map.roads.length[lane]
+        low, high = np.maximum(s - 1.0, 0.0), np.minimum(s + 1.0, length)
+        _, yaw = self.map.roads.at(np.concatenate([lane, lane]), np.concatenate([low, high]))
+        turn = np.remainder(yaw[len(lane) :] - yaw[: len(lane)] + math.pi, math.tau) - math.pi
+        bend: list[float] = (turn / np.maximum(high - low, 1e-3)).tolist()
+        return bend
+
+    def _set_down(self, actors: list[StoryActor]) -> None:
+        """Set the places of actors in the map frame by their places on lanes."""
+        if not actors:
+            return
+        roads = self.map.roads
+        lane = np.array([actor.lane for actor in actors])
+        s = np.array([actor.s for actor in actors])
+        low = np.maximum(np.minimum(s, roads.length[lane]) - 0.5, 0.0)
+        points, yaws = roads.at(np.concatenate([lane, lane, lane]), np.concatenate([s, low, low + 1.0]))
+        num = len(actors)
+        rise = points[2 * num :, 2] - points[num : 2 * num, 2]
+        for actor, point, yaw, climb in zip(actors, points[:num].tolist(), yaws[:num].tolist(), rise, strict=True):
+            actor.x = point[0] - actor.offset * math.sin(yaw)
+            actor.y = point[1] + actor.offset * math.cos(yaw)
+            actor.z = point[2]
+            actor.yaw = math.remainder(yaw + actor.turned, math.tau)
+            actor.pitch = -math.atan(float(climb)) * actor.direction
+            actor.roll = 0.0

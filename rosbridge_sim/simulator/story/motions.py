@@ -1,0 +1,509 @@
+"""Private actions of a story that take time: how they change speed, offset and place of an actor, frame by frame.
+
+Each kind is a row of `MOTIONS`: its domains, a function that begins it, and one that goes on by a frame and says
+whether it is done. What a running action remembers is numbers and points, so it is plain data. A new action ends the
+running ones of its domains, of the same actor.
+
+Shapes are those of ASAM OpenSCENARIO 1.3, `DynamicsShape`. A change of speed is no faster than the entity's performance
+allows: it takes longer then, as in esmini.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import Record
+from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane
+from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, Cast, StoryActor
+from rosbridge_sim.simulator.story.measures import Measures
+from rosbridge_sim.world.state.world import DT, MAX_SPEED, Body
+
+LATERAL_ACCEL: Final = 0.5
+"""Greatest lateral acceleration of a change of the offset that gives none [m/s^2]: an unhurried lane change."""
+
+SPRING: Final = 4.0
+DAMPING: Final = 4.0
+"""Spring [1/s^2] and damper [1/s] that keep a distance: critically damped, as in esmini."""
+
+NEAR: Final = 0.05
+"""A distance is reached within this [m]."""
+
+NO_LIMIT: Final = 1e9
+
+
+@dataclass(slots=True)
+class Running:
+    """An action of an actor that goes on.
+
+    Attributes:
+        number: of the action's part of the storyboard; negative for those of `Init`.
+        entity: name of the actor.
+        numbers: what it remembers, by name.
+        points: of a trajectory: x, y, z [m], yaw [rad], time [s] and way from the start [m] of each vertex.
+    """
+
+    number: int
+    entity: str
+    numbers: dict[str, float] = field(default_factory=dict)
+    points: list[tuple[float, ...]] = field(default_factory=list)
+
+
+class Stage(Record, eq=False):
+    """What actions look at.
+
+    Attributes:
+        bodies: of the actors, by name.
+        time: since the start of the story [s].
+    """
+
+    cast: Cast
+    measures: Measures
+    bodies: Mapping[str, Body]
+    time: Callable[[], float]
+
+
+Begin = Callable[[Stage, StoryItem, StoryActor, Running], bool]
+"""Begins an action; returns whether it is done already. DocumentError: it cannot begin."""
+
+Advance = Callable[[Stage, StoryItem, StoryActor, Running], bool]
+"""Goes on by a frame; returns whether the action is done."""
+
+
+class ActionKind(Record, eq=False):
+    """A kind of action: its domains, and what it does."""
+
+    domains: tuple[str, ...]
+    begin: Begin
+    advance: Advance
+
+
+def shape_at(shape: str, share: float) -> float:
+    """Return how far a change has come, 0..1, at a share of its time."""
+    share = min(max(share, 0.0), 1.0)
+    if shape == "linear":
+        return share
+    if shape == "sinusoidal":
+        return 0.5 - 0.5 * math.cos(math.pi * share)
+    return share * share * (3.0 - 2.0 * share) if shape == "cubic" else 1.0
+
+
+_PEAK: Final = {"linear": 1.0, "sinusoidal": math.pi / 2, "cubic": 1.5, "step": 0.0}
+"""Greatest rate of a change, relative to its mean rate."""
+
+
+def time_of(dynamics: StoryItem, change: float, speed: float) -> float:
+    """Return how long a change takes [s].
+
+    Args:
+        dynamics: with `dynamicsShape`, `dynamicsDimension` and `value`.
+        change: of the speed or of the offset.
+        speed: mean speed meanwhile, for changes over a distance [m/s].
+    """
+    shape, value = dynamics["dynamicsShape"], abs(dynamics["value"])
+    if shape == "step":
+        return 0.0
+    dimension = dynamics["dynamicsDimension"]
+    if dimension == "time":
+        return float(value)
+    if dimension == "rate":
+        return _PEAK[shape] * abs(change) / value if value > 0.0 else 0.0
+    return value / abs(speed) if abs(speed) > 0.0 else 0.0
+
+
+# Speed
+
+
+def _begin_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    goal, dynamics = _speed_goal(stage, item), item.part("SpeedActionDynamics")
+    change = goal - actor.speed
+    length = time_of(dynamics, change, 0.5 * (goal + actor.speed))
+    body = stage.bodies[running.entity]
+    most = body.max_accel if change > 0.0 else body.max_decel
+    shape = dynamics["dynamicsShape"]
+    if shape != "step" and most > 0.0:
+        length = max(length, _PEAK[shape] * abs(change) / most)
+    running.numbers = {"from": actor.speed, "to": goal, "length": length, "at": 0.0}
+    if actor.mode == PROGRAM:
+        actor.speed = goal
+        return True
+    return _advance_speed(stage, item, actor, running) if length <= 0.0 else False
+
+
+def _speed_goal(stage: Stage, item: StoryItem) -> float:
+    target = item.part("SpeedActionTarget").part()
+    if target.kind == "AbsoluteTargetSpeed":
+        return _bounded(target["value"])
+    speed = stage.cast.find(target["entityRef"]).speed
+    return _bounded(speed * target["value"] if target["speedTargetValueType"] == "factor" else speed + target["value"])
+
+
+def _bounded(speed: float) -> float:
+    return max(-MAX_SPEED, min(MAX_SPEED, speed))
+
+
+def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    memo, target = running.numbers, item.part("SpeedActionTarget").part()
+    is_continuous = target.get("continuous", False)
+    memo["at"] += DT
+    if is_continuous:
+        memo["to"] = _speed_goal(stage, item)
+    share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
+    shape = item.part("SpeedActionDynamics")["dynamicsShape"]
+    actor.speed = memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share)
+    return share >= 1.0 and not is_continuous
+
+
+def _begin_profile(_: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    entries = item.all("SpeedProfileEntry")
+    running.numbers = {"at": 0.0, "entry": 0.0, "from": actor.speed, "accel": 0.0}
+    return not entries or actor.mode == PROGRAM
+
+
+def _advance_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Follow the entries: by time exactly (`position`), or no faster than the limits allow (`follow`)."""
+    memo, entries = running.numbers, item.all("SpeedProfileEntry")
+    left = DT
+    while left > 0.0 and (row := int(memo["entry"])) < len(entries):
+        goal, length = entries[row]["speed"], entries[row].get("time", -1.0)
+        change = goal - memo["from"]
+        if item["followingMode"] == "follow" or length < 0.0:
+            length = max(length, _fastest(stage, item, running, change))
+        if memo["at"] + left < length:
+            memo["at"] += left
+            actor.speed = memo["from"] + change * memo["at"] / length
+            return False
+        left -= max(length - memo["at"], 0.0)
+        memo["at"], memo["from"], actor.speed = 0.0, goal, goal
+        memo["entry"] += 1.0
+    return int(memo["entry"]) >= len(entries)
+
+
+def _fastest(stage: Stage, item: StoryItem, running: Running, change: float) -> float:
+    """Return the least time of a change of speed within the limits [s]."""
+    limits = item.find("DynamicConstraints")
+    body = stage.bodies[running.entity]
+    key, most = ("maxAcceleration", body.max_accel) if change > 0.0 else ("maxDeceleration", body.max_decel)
+    given = NO_LIMIT if limits is None else limits.get(key, NO_LIMIT)
+    return abs(change) / max(min(given, most or NO_LIMIT), 1e-3)
+
+
+# Distances
+
+
+def _begin_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Keep a distance to another entity; without limits the actor is there at once."""
+    running.numbers = {"accel": 0.0}
+    if item.find("DynamicConstraints") is not None or actor.mode == PROGRAM:
+        return actor.mode == PROGRAM
+    _jump(stage, item, actor, running)
+    return not item["continuous"]
+
+
+def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> None:
+    reference = stage.cast.find(item["entityRef"])
+    error = _gap_error(stage, item, actor, running)
+    moved, _ = stage.cast.map.move(actor.on_lane, actor.direction * error, actor.route)
+    if actor.lane >= 0:
+        stage.cast.put(actor, stage.cast.map.at(moved))
+    stage.cast.show(actor)
+    actor.speed = reference.speed if item["continuous"] else actor.speed
+
+
+def _gap_error(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> float:
+    """Return how far ahead of its place the actor should be [m]."""
+    gap = stage.measures.along(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
+    sides = {"leadingReferencedEntity": -1.0, "trailingReferencedEntity": 1.0}
+    ahead = sides.get(item.get("displacement", "any"), math.copysign(1.0, gap))
+    wanted = item.get("distance", 0.0) + item.get("timeGap", 0.0) * actor.speed
+    if item["freespace"]:
+        wanted += stage.measures.half_lengths(running.entity, item["entityRef"], ahead)
+    return float(gap - ahead * wanted)
+
+
+def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    limits = item.find("DynamicConstraints")
+    if limits is None:
+        _jump(stage, item, actor, running)
+        return False
+    reference = stage.cast.find(item["entityRef"])
+    error = _gap_error(stage, item, actor, running)
+    accel = SPRING * error + DAMPING * (reference.speed - actor.speed)
+    accel = max(-limits.get("maxDeceleration", NO_LIMIT), min(limits.get("maxAcceleration", NO_LIMIT), accel))
+    before = running.numbers["accel"]
+    up, down = (limits.get(key, NO_LIMIT) * DT for key in ("maxAccelerationRate", "maxDecelerationRate"))
+    accel = running.numbers["accel"] = max(before - down, min(before + up, accel))
+    actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * DT)))
+    is_there = abs(error) < NEAR and abs(reference.speed - actor.speed) < NEAR
+    return is_there and not item["continuous"]
+
+
+def _begin_side(_stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    running.numbers = {"rate": 0.0}
+    return actor.mode == PROGRAM or actor.lane < 0
+
+
+def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Keep a distance to the side of another entity, as fast as the limits allow and without overshoot."""
+    left = stage.measures.aside(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
+    wanted = item.get("distance", abs(left))
+    if item["freespace"]:
+        wanted += stage.measures.half_widths(running.entity, item["entityRef"])
+    side = {"leftToReferencedEntity": -1.0, "rightToReferencedEntity": 1.0}
+    error = left - side.get(item.get("displacement", "any"), math.copysign(1.0, left)) * wanted
+    limits = item.find("DynamicConstraints")
+    fastest = NO_LIMIT if limits is None else limits.get("maxSpeed", NO_LIMIT)
+    most = NO_LIMIT if limits is None else limits.get("maxAcceleration", NO_LIMIT)
+    # The fastest rate from which it can still come to rest at the goal, and reach it within the frame.
+    rate = math.copysign(min(fastest, math.sqrt(2.0 * most * abs(error)), abs(error) / DT), error)
+    before = running.numbers["rate"]
+    rate = running.numbers["rate"] = max(before - most * DT, min(before + most * DT, rate))
+    actor.offset += actor.direction * rate * DT
+    return abs(error) < NEAR and not item["continuous"]
+
+
+# Lanes
+
+
+def _begin_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    if actor.mode == PROGRAM:
+        return True
+    if actor.lane < 0:
+        raise DocumentError("it is on no lane")
+    target = item.part("LaneChangeTarget").part()
+    story_map = stage.cast.map
+    if target.kind == "AbsoluteTargetLane":
+        lane, aside = story_map.lane_beside(actor.on_lane, _number(target["value"]))
+    else:
+        reference = stage.cast.find(target["entityRef"])
+        steps = int(target["value"] * reference.direction)
+        lane, aside = story_map.beside(reference.on_lane, steps)
+        if reference is not actor:
+            aside += stage.measures.between_lanes(actor, reference)
+    goal = aside + actor.direction * item.get("targetLaneOffset", 0.0)
+    change = goal - actor.offset
+    length = time_of(item.part("LaneChangeActionDynamics"), change, actor.speed)
+    running.numbers = {"from": actor.offset, "to": goal, "length": length, "at": 0.0, "lane": float(lane)}
+    return _advance_change(stage, item, actor, running) if length <= 0.0 else False
+
+
+def _number(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise DocumentError(f"value: expected the number of a lane, got {text[:40]!r}") from None
+
+
+def _shift(actor: StoryActor, running: Running, shape: str) -> bool:
+    """Go on with a change of the offset; return whether it is done."""
+    memo = running.numbers
+    memo["at"] += DT
+    share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
+    actor.offset = memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share)
+    return share >= 1.0
+
+
+def _advance_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    if not _shift(actor, running, item.part("LaneChangeActionDynamics")["dynamicsShape"]):
+        return False
+    if running.numbers["lane"] >= 0.0:  # from now on it follows the line of its new lane
+        place = stage.cast.map.at(OnLane(actor.lane, actor.s, actor.offset))
+        on = stage.cast.map.project(place)
+        if on.lane >= 0 and math.cos(on.turned) > 0.0:
+            actor.lane, actor.s, actor.offset = on.lane, on.s, on.offset
+    return True
+
+
+def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    if actor.mode == PROGRAM:
+        return True
+    dynamics, target = item.part("LaneOffsetActionDynamics"), item.part("LaneOffsetTarget").part()
+    goal = target["value"] * actor.direction
+    if target.kind == "RelativeTargetLaneOffset":
+        goal += stage.cast.find(target["entityRef"]).offset
+    change = abs(goal - actor.offset)
+    most, shape = dynamics.get("maxLateralAcc", LATERAL_ACCEL), dynamics["dynamicsShape"]
+    # Greatest acceleration of the shapes: pi^2 D / (2 T^2) and 6 D / T^2; a linear change gets the time of a cubic one.
+    factor = {"sinusoidal": 0.5 * math.pi**2, "step": 0.0}.get(shape, 6.0)
+    length = math.sqrt(factor * change / most) if most > 0.0 else 0.0
+    running.numbers = {"from": actor.offset, "to": goal, "length": length, "at": 0.0}
+    return False
+
+
+def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    return _shift(actor, running, item.part("LaneOffsetActionDynamics")["dynamicsShape"]) and not item["continuous"]
+
+
+# Trajectories
+
+
+def _begin_trajectory(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    if actor.mode == PROGRAM:
+        return True
+    reference = item.find("TrajectoryRef")
+    trajectory = (item if reference is None else reference).find("Trajectory")
+    if trajectory is None:
+        raise DocumentError("expected a Trajectory or a TrajectoryRef")
+    timing = item.part("TimeReference").part()
+    is_timed = timing.kind == "Timing"
+    vertices = trajectory.part("Shape").part("Polyline").all("Vertex")
+    if trajectory.get("closed", False):
+        vertices += vertices[:1]
+    points: list[tuple[float, ...]] = []
+    way = 0.0
+    for vertex in vertices:
+        place = stage.cast.map.find_place(vertex.part("Position"), stage.cast.locate)
+        if points:
+            way += math.dist((place.x, place.y), points[-1][:2])
+        time = vertex.get("time", 0.0)
+        if is_timed:
+            time = time * timing["scale"] + timing["offset"]
+        points.append((place.x, place.y, place.z, place.yaw, time, way))
+    if len(points) < 2:  # noqa: PLR2004 - a line
+        raise DocumentError("expected a Polyline with two vertices or more")
+    if is_timed and any(one[4] > other[4] for one, other in pairwise(points)):
+        raise DocumentError("expected vertices with rising times")
+    start = stage.time() if is_timed and timing["domainAbsoluteRelative"] == "relative" else 0.0
+    running.points = points
+    running.numbers = {"start": start, "way": item.get("initialDistanceOffset", 0.0), "timed": float(is_timed)}
+    return False
+
+
+def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    memo, points = running.numbers, running.points
+    key = 4 if memo["timed"] else 5
+    if memo["timed"]:
+        at = stage.time() + DT - memo["start"]
+    else:
+        at = memo["way"] = memo["way"] + abs(actor.speed) * DT
+    if memo["timed"] and at < points[0][key]:
+        return False  # it drives on by itself until then
+    row = next((i for i, point in enumerate(points[1:]) if at < point[key]), len(points) - 2)
+    first, second = points[row], points[row + 1]
+    span = second[key] - first[key]
+    share = min((at - first[key]) / span, 1.0) if span > 0.0 else 1.0
+    before = actor.x, actor.y
+    actor.x, actor.y, actor.z = (a + share * (b - a) for a, b in zip(first[:3], second[:3], strict=True))
+    if math.dist(first[:2], second[:2]) > 0.0:
+        actor.yaw = math.atan2(second[1] - first[1], second[0] - first[0])
+    actor.travelled += math.dist(before, (actor.x, actor.y))
+    if memo["timed"] and span > 0.0:
+        actor.speed = _bounded((second[5] - first[5]) / span)
+    actor.is_placed = True
+    stage.cast.take_lane(actor)
+    return at >= points[-1][key]
+
+
+# Routes, places, drivers
+
+
+def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Take a route: its first waypoint is where it begins, or the actor's own place."""
+    story_map = stage.cast.map
+    if item.kind == "AcquirePositionAction":
+        goals = [item.part("Position")]
+    else:
+        goals = [each.part("Position") for each in item.part("Route").all("Waypoint")]
+    places = [story_map.project(story_map.find_place(each, stage.cast.locate)) for each in goals]
+    if item.kind == "AcquirePositionAction":
+        places.insert(0, actor.on_lane)
+    if len(places) > 1:
+        actor.route = list(story_map.find_way(places[0], places[1:]))
+    del running
+    return True
+
+
+def _begin_teleport(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    stage.cast.put(actor, stage.cast.map.find_place(item.part("Position"), stage.cast.locate))
+    stage.cast.show(actor)
+    del running
+    return True
+
+
+def _begin_controller(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Hand an actor over to a driver of the world, or take it back; nothing that is overridden is driven here."""
+    del running
+    parts = [item, *item.parts]
+    for part in parts:
+        on = [part.get(key) for key in ("lateral", "longitudinal", "activateLateral", "activateLongitudinal")]
+        wanted = [each for each in on if each is not None]
+        if wanted and all(wanted):
+            stage.cast.hand_over(actor)
+        elif wanted and actor.mode == DRIVER:
+            actor.mode = STORY
+            stage.cast.show(actor)
+    return True
+
+
+# Synchronize
+
+
+def _begin_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    cast = stage.cast
+    master = cast.find(item["masterEntityRef"])
+    own = cast.map.find_place(item.part("TargetPosition"), cast.locate)
+    other = cast.map.find_place(item.part("TargetPositionMaster"), cast.locate)
+    running.points = [(own.x, own.y, own.z, own.yaw, 0.0, 0.0), (other.x, other.y, other.z, other.yaw, 0.0, 0.0)]
+    running.numbers = {"accel": 0.0}
+    return actor.mode == PROGRAM or master is actor
+
+
+def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Arrive when the master arrives, with the final speed if one is given, by the least accelerations.
+
+    With T until the master arrives, d to the own target and v now, that is 6 d / T^2 - (4 v + 2 final) / T, and
+    3 (d - v T) / T^2 without a final speed.
+    """
+    master = stage.cast.find(item["masterEntityRef"])
+    own, other = (MapPlace(*point[:4]) for point in running.points)
+    way = stage.measures.way_to(running.entity, own)
+    time = stage.measures.way_to(item["masterEntityRef"], other) / max(master.speed, 1e-6)
+    if time <= DT or way <= NEAR + item.get("targetTolerance", 0.0):
+        return True
+    final = item.find("FinalSpeed")
+    if final is None:
+        accel = 3.0 * (way - actor.speed * time) / (time * time)
+    else:
+        accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * _final(final.part(), master.speed)) / time
+    body = stage.bodies[running.entity]
+    accel = max(-(body.max_decel or NO_LIMIT), min(body.max_accel or NO_LIMIT, accel))
+    actor.speed = max(0.0, _bounded(actor.speed + accel * DT))
+    return False
+
+
+def _final(item: StoryItem, master: float) -> float:
+    if item.kind == "AbsoluteSpeed":
+        return float(item["value"])
+    return float(master * item["value"] if item["speedTargetValueType"] == "factor" else master + item["value"])
+
+
+def _never(_stage: Stage, _item: StoryItem, _actor: StoryActor, _running: Running) -> bool:
+    return True
+
+
+_LONG: Final = ("longitudinal",)
+_LAT: Final = ("lateral",)
+
+MOTIONS: Final[Mapping[str, ActionKind]] = {
+    "SpeedAction": ActionKind(_LONG, _begin_speed, _advance_speed),
+    "SpeedProfileAction": ActionKind(_LONG, _begin_profile, _advance_profile),
+    "LongitudinalDistanceAction": ActionKind(_LONG, _begin_gap, _advance_gap),
+    "SynchronizeAction": ActionKind(_LONG, _begin_sync, _advance_sync),
+    "LaneChangeAction": ActionKind(_LAT, _begin_change, _advance_change),
+    "LaneOffsetAction": ActionKind(_LAT, _begin_offset, _advance_offset),
+    "LateralDistanceAction": ActionKind(_LAT, _begin_side, _advance_side),
+    "FollowTrajectoryAction": ActionKind(_LAT, _begin_trajectory, _advance_trajectory),
+    "AssignRouteAction": ActionKind((), _begin_route, _never),
+    "AcquirePositionAction": ActionKind((), _begin_route, _never),
+    "TeleportAction": ActionKind((), _begin_teleport, _never),
+    "ControllerAction": ActionKind((), _begin_controller, _never),
+    "ActivateControllerAction": ActionKind((), _begin_controller, _never),
+    "VisibilityAction": ActionKind((), _never, _never),
+    "AppearanceAction": ActionKind((), _never, _never),
+}
+"""Kinds of private actions."""

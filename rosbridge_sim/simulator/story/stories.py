@@ -1,0 +1,176 @@
+"""The component of stories: it tells the story of the loaded scenario, and offers `/sim/story`, topic and service.
+
+Its state is that of the story. A load that leaves the scene as it was leaves the story going on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.scenarios.openscenario.entities import story_scenario
+from rosbridge_sim.scenarios.openscenario.places import StoryMap
+from rosbridge_sim.scenarios.openscenario.storyboard import State, Transition
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.plain.plain_bytes import PlainData
+from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
+from rosbridge_sim.simulator.scene.load import Load
+from rosbridge_sim.simulator.story.told_story import StoryState, ToldStory
+
+STORY_TOPIC: Final = "/sim/story"
+RATE: Final = 10.0
+"""Default rate of the topic [Hz]: a message has all elements and conditions."""
+
+NOWHERE: Final = 2**32 - 1
+"""Id of an entity that is not in the world."""
+
+
+class Stories(Component):
+    """The component of stories.
+
+    Attributes:
+        told: the story of the scene; None for none.
+    """
+
+    def __init__(self, context: SimulatorContext) -> None:
+        """Begin the story of the opening scene, if it has one."""
+        self._context = context
+        self.told: ToldStory | None = None
+        self._load: Load | None = None
+        hooks = context.hooks
+        hooks.place.append(self._move)
+        hooks.after_frame.append(self._tell)
+        hooks.on_new_scene.append(self._follow)
+        hooks.on_reset.append(self._forget)
+        make: Callable[[str, str], Callable[..., Struct]] = lambda name, fields: late_maker(  # noqa: E731
+            context.bus.store, f"rosbridge_sim_msgs/{name}", fields
+        )
+        self._make_element = make("StoryElement", "kind name state transition executions parent")
+        self._make_condition = make("StoryCondition", "name kind is_looked_at holds value")
+        self._make_state = make("StoryState", "header name time is_over verdict elements conditions entities ids")
+        self._follow(0.0)
+
+    def publish(self, publishers: Publishers) -> None:
+        """Publish the topic that exists once, not for each ego."""
+        publishers.add(STORY_TOPIC, "rosbridge_sim_msgs/StoryState", self._message, rate=RATE, is_shown_in_pause=True)
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """Offer the service that exists once, not for each ego."""
+        bindings.provide(STORY_TOPIC[1:], "rosbridge_sim_msgs/Story", self._answer)
+
+    @property
+    def verdict(self) -> str:
+        """Return the verdict of the story's evaluation; empty while there is none."""
+        return "" if self.told is None else self.told.state.board.verdict
+
+    # The story
+
+    def _forget(self) -> None:
+        """Begin anew with the next scene: the world is that of frame 0."""
+        self._load = None
+
+    def _follow(self, _now: float) -> None:
+        """Begin the story of a new scene."""
+        loaded = self._context.scene.loaded
+        if loaded is self._load:
+            return
+        self._take(loaded)
+        if self.told is not None:
+            self.told.open()
+
+    def _take(self, loaded: Load) -> None:
+        """Have the story of a load, without beginning it."""
+        self._load = loaded
+        if self.told is not None:
+            self._hold_ego(is_held=False)
+        context, story = self._context, loaded.story
+        self.told = None
+        hooks = context.hooks
+        (hooks.place.rest if story is None else hooks.place.wake)(self._move)
+        (hooks.after_frame.rest if story is None else hooks.after_frame.wake)(self._tell)
+        if story is None:
+            return
+        scenario = story_scenario(story, loaded.name, None, context.scene.catalogue)
+        spawns = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
+        self.told = ToldStory(context.scene, story, spawns, StoryMap.of(loaded.road_map))
+        self._hold_ego(is_held=story.text.drives_ego)
+
+    def _hold_ego(self, *, is_held: bool) -> None:
+        """Have the first ego ignore commands while the story moves it."""
+        self._context.egos.first.is_replayed = is_held
+
+    def _move(self) -> None:
+        if self.told is not None and not self._context.scene.is_replaying:
+            self.told.move()
+
+    def _tell(self, _now: float) -> None:
+        if self.told is not None and not self._context.scene.is_replaying:
+            self.told.tell()
+
+    # The state
+
+    def save_state(self) -> PlainData:
+        """Return the state of the story; None without one."""
+        return None if self.told is None else as_plain(self.told.state)
+
+    def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - the interface has it
+        """Become what was saved."""
+        self._take(self._context.scene.loaded)
+        if self.told is None:
+            if data is not None:
+                raise ValueError("expected no state of a story")
+            return
+        check_finite(data, "story")
+        try:
+            self.told.restore(read_as(StoryState, data, "story"))
+        except DocumentError as error:
+            raise ValueError(str(error)) from None
+
+    # The messages
+
+    def _message(self) -> Struct:
+        context, told = self._context, self.told
+        header = context.convert.header(context.world.frame)
+        if told is None:
+            return self._make_state(header, "", 0.0, False, "", [], [], [], [])  # noqa: FBT003 - not over
+        state, board = told.state.board, told.board
+        elements = [
+            self._make_element(
+                *(part.kind, part.name, State(state.states[i]).name.lower(), Transition(state.changes[i]).name.lower()),
+                *(state.counts[i], part.parent),
+            )
+            for i, part in enumerate(board.parts)
+        ]
+        conditions = [
+            self._make_condition(
+                *(
+                    each["name"],
+                    each.part().part().kind
+                    if each.part().kind == "ByValueCondition"
+                    else each.part().part("EntityCondition").part().kind,
+                ),
+                *(state.before[i] >= 0, state.before[i] == 1, figure),
+            )
+            for i, (each, figure) in enumerate(zip(board.conditions, state.figures, strict=True))
+        ]
+        world, egos = context.world, context.egos
+        ids = [
+            egos.unique_id(world.row(actor.uid)) if actor.uid in world else NOWHERE
+            for actor in told.state.actors.values()
+        ]
+        return self._make_state(
+            *(header, context.scene.loaded.name, told.time(), state.is_over, state.verdict, elements, conditions),
+            *(list(told.state.actors), ids),
+        )
+
+    def _answer(self, call: Call, _now: float) -> None:
+        has_story = self.told is not None
+        message = "" if has_story else "the loaded scenario has no story: it is no file of OpenSCENARIO"
+        call.respond(result=has_story, message=message, story=self._message())

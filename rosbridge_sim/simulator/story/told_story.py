@@ -1,0 +1,376 @@
+"""A story that is told in a world: its storyboard, its actors and the actions that go on.
+
+Behind each frame the triggers are looked at, and actions begin or end (`tell`); within the next step they move the
+actors (`move`). All that lasts is in `StoryState`, which is plain data.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.printable import printable
+from rosbridge_sim.records import replace
+from rosbridge_sim.scenarios.openscenario.places import StoryMap
+from rosbridge_sim.scenarios.openscenario.story import Story
+from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboard
+from rosbridge_sim.scenarios.scenario import Spawn
+from rosbridge_sim.simulator.scene.scene import Scene
+from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES
+from rosbridge_sim.simulator.story.cast import DRIVER, MODES, PROGRAM, STORY, Cast, StoryActor
+from rosbridge_sim.simulator.story.conditions import StoryView, measure
+from rosbridge_sim.simulator.story.measures import Measures
+from rosbridge_sim.simulator.story.motions import MOTIONS, Running, Stage
+from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.state.placement import set_speed
+from rosbridge_sim.world.state.world import DT
+
+_WRAPPERS: Final = frozenset({"PrivateAction", "LongitudinalAction", "LateralAction", "RoutingAction"})
+"""Elements around private actions that say only where they belong."""
+
+_LAMPS: Final = {2: (Lamp.RED, Lamp.GREEN), 3: (Lamp.RED, Lamp.YELLOW, Lamp.GREEN)}
+_COLOURS: Final = {"red": Lamp.RED, "yellow": Lamp.YELLOW, "green": Lamp.GREEN, "off": 0}
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+@dataclass(slots=True)
+class StoryState:
+    """All that changes in a story.
+
+    Attributes:
+        start: frame of the world at which it began.
+        actors: by name.
+        board: of its storyboard.
+        running: actions that go on, in the order of their begin.
+        values: of parameters and variables, by name.
+        lights: states of lights that it has set, by name.
+    """
+
+    start: int
+    actors: dict[str, StoryActor]
+    board: BoardState
+    running: list[Running] = field(default_factory=list)
+    values: dict[str, str] = field(default_factory=dict)
+    lights: dict[str, str] = field(default_factory=dict)
+
+
+class ToldStory:
+    """A story in a world. It is the host of its storyboard.
+
+    Attributes:
+        story: what is told.
+        board: its storyboard.
+        state: all that changes.
+    """
+
+    def __init__(self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap) -> None:
+        """Take the actors that are in the world, and begin nothing yet.
+
+        Args:
+            spawns: of all its entities, placed or not.
+        """
+        self.story = story
+        self._scene, self._world = scene, scene.world
+        self._spawns = {spawn.name: spawn for spawn in spawns}
+        self._told: set[str] = set()
+        self._init = [
+            (action, [each["entityRef"]] if each.kind == "Private" else [])
+            for each in story.init.parts
+            for action in (each.parts if each.kind == "Private" else [each])
+        ]
+        self.board = Storyboard(story.storyboard, DT, story.evaluation)
+        actors = {name: StoryActor(mode=self._mode_of(name)) for name in story.entities}
+        values = {**story.parameters, **story.variables}
+        self.state = StoryState(self._world.frame, actors, self.board.state, values=values)
+        self._map = story_map
+        self._use_state()
+        self._link()
+
+    def _mode_of(self, name: str) -> str:
+        return PROGRAM if name == self.story.ego and not self.story.text.drives_ego else STORY
+
+    def _use_state(self) -> None:
+        """Have everything look at the present state."""
+        state = self.state
+        self.board.state = state.board
+        bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
+        self._cast = Cast(self._world, self._map, state.actors)
+        measures = Measures(self._cast, bodies)
+        self._stage = Stage(self._cast, measures, bodies, self.time)
+        self._looks = StoryView(self._cast, measures, self.board, state.values, self._shows, self.time)
+
+    def _link(self) -> None:
+        """Find the actors in the world, by their names."""
+        world = self._world
+        rows = {world.names[row]: row for row in reversed(list(world.placed()))}
+        for name, actor in self.state.actors.items():
+            is_ego = name == self.story.ego
+            row = world.row(FIRST_EGO) if is_ego and FIRST_EGO in world else rows.get(name)
+            if row is None:
+                continue
+            actor.uid = int(world.uid[row])
+            for axis in ("x", "y", "z", "yaw", "roll", "pitch"):
+                setattr(actor, axis, getattr(world, axis).item(row))
+            self._cast.take_lane(actor)
+
+    def time(self) -> float:
+        """Return the time since the start [s]."""
+        return (self._world.frame - self.state.start) * DT
+
+    def open(self) -> None:
+        """Carry out the actions of `Init`, and look at the triggers for the first time."""
+        for number, (action, names) in enumerate(self._init):
+            is_placed = action.find("TeleportAction", "EntityAction") is not None
+            if not (is_placed and all(self.state.actors[name].uid >= 0 for name in names)):
+                self._begin(-1 - number, action, names)
+        for actor in self.state.actors.values():
+            if actor.uid >= 0 and actor.mode == STORY:
+                self._cast.show(actor)
+            elif actor.uid >= 0 and actor.mode == PROGRAM:
+                set_speed(self._world, self._world.row(actor.uid), actor.speed)
+        self.board.advance(self._frame, self)
+
+    @property
+    def _frame(self) -> int:
+        return self._world.frame - self.state.start
+
+    def tell(self) -> None:
+        """Look at the triggers, behind a frame."""
+        self._cast.observe()
+        self.board.advance(self._frame, self)
+        for name, text in self.state.lights.items():
+            if self._row_of_light(name) is not None:
+                self._light(name, text)
+
+    def move(self) -> None:
+        """Move the actors by a frame, within a step."""
+        self._cast.begin_frame()
+        state = self.state
+        for domain in ("longitudinal", "lateral"):
+            for running in list(state.running):
+                item = self._item_of(running.number)
+                motion = MOTIONS[item.kind]
+                if motion.domains[0] != domain:
+                    continue
+                actor = state.actors[running.entity]
+                try:
+                    if actor.uid < 0 or motion.advance(self._stage, item, actor, running):
+                        state.running.remove(running)
+                except DocumentError as error:
+                    self._tell(item, error)
+                    state.running.remove(running)
+        self._cast.move()
+
+    # The host of the storyboard
+
+    def measure(self, condition: StoryItem) -> tuple[bool, float]:
+        """See `Host`."""
+        return measure(self._looks, condition)
+
+    def begin(self, number: int) -> None:
+        """See `Host`."""
+        parts = self.board.parts
+        group = number
+        while parts[group].kind != "ManeuverGroup":
+            group = parts[group].parent
+        actors = parts[group].item.part("Actors")
+        self._begin(number, parts[number].item.part(), [each["entityRef"] for each in actors.parts])
+
+    def is_done(self, number: int) -> bool:
+        """See `Host`."""
+        return all(running.number != number for running in self.state.running)
+
+    def end(self, number: int) -> None:
+        """See `Host`."""
+        self.state.running[:] = [running for running in self.state.running if running.number != number]
+
+    def _begin(self, number: int, item: StoryItem, names: list[str]) -> None:
+        if item.kind == "GlobalAction":
+            try:
+                self._act(item.part())
+            except (DocumentError, ValueError) as error:
+                self._tell(item, error)
+            return
+        item = _leaf(item)
+        for name in names:
+            try:
+                self._begin_private(number, item, name)
+            except (DocumentError, ValueError) as error:
+                self._tell(item, error)
+
+    def _begin_private(self, number: int, item: StoryItem, name: str) -> None:
+        actor, motion = self.state.actors[name], MOTIONS[item.kind]
+        if item.kind == "TeleportAction" and actor.uid < 0:
+            self._add(name, item.part("Position"))
+            return
+        if actor.uid < 0:
+            raise DocumentError(f"{printable(name, 60)} is not in the world")
+        running = Running(number, name)
+        if motion.domains and actor.mode == DRIVER:
+            actor.mode = STORY
+            self._cast.show(actor)
+        self.state.running[:] = [
+            other
+            for other in self.state.running
+            if other.entity != name or not set(motion.domains) & set(MOTIONS[self._item_of(other.number).kind].domains)
+        ]
+        if not motion.begin(self._stage, item, actor, running):
+            self.state.running.append(running)
+
+    def _item_of(self, number: int) -> StoryItem:
+        """Return the private action of a part of the storyboard, or of `Init` for a negative number."""
+        if number >= 0:
+            return _leaf(self.board.parts[number].item.part())
+        return _leaf(self._init[-1 - number][0])
+
+    def _tell(self, item: StoryItem, error: Exception) -> None:
+        """Log, once, why an action does nothing."""
+        line = f"{item.where}: {item.kind}: {error}"
+        if line not in self._told:
+            self._told.add(line)
+            _log.warning("story %s: it has no effect: %s", self.story.text.source, line)
+
+    # Global actions
+
+    def _act(self, item: StoryItem) -> None:
+        """Carry out a global action.
+
+        Raises:
+            DocumentError: it cannot be done.
+        """
+        if item.kind == "EntityAction":
+            name, action = item["entityRef"], item.part()
+            if action.kind == "AddEntityAction":
+                self._add(name, action.part("Position"))
+            else:
+                self._remove(name)
+        elif item.kind in {"VariableAction", "ParameterAction"}:
+            self._set(item["variableRef" if item.kind == "VariableAction" else "parameterRef"], item.part())
+        elif item.kind == "InfrastructureAction":
+            state = item.part("TrafficSignalAction").part()
+            self.state.lights[state["name"]] = state["state"]
+            self._light(state["name"], state["state"])
+
+    def _add(self, name: str, position: StoryItem) -> None:
+        actor = self.state.actors[name]
+        if actor.uid >= 0:
+            raise DocumentError(f"{printable(name, 60)} is in the world already")
+        if len(self._world) >= MAX_ENTITIES:
+            raise DocumentError(f"the world holds {MAX_ENTITIES:,} at most")
+        place = self._map.find_place(position, self._cast.locate)
+        spawn = self._spawns[name]
+        actor.uid = self._scene.add_agent(replace(spawn, x=place.x, y=place.y, z=place.z, yaw=place.yaw, speed=0.0))
+        actor.speed = 0.0
+        self._cast.put(actor, place)
+        self._cast.show(actor)
+
+    def _remove(self, name: str) -> None:
+        actor = self.state.actors[name]
+        if name == self.story.ego:
+            raise DocumentError("the ego stays in the world")
+        if actor.uid < 0:
+            raise DocumentError(f"{printable(name, 60)} is not in the world")
+        self._world.remove(actor.uid)
+        actor.uid = -1
+        self.state.running[:] = [running for running in self.state.running if running.entity != name]
+
+    def _set(self, name: str, action: StoryItem) -> None:
+        values = self.state.values
+        if action.kind == "SetAction":
+            values[name] = action["value"]
+            return
+        rule = action.part("Rule").part()
+        try:
+            number = float(values[name])
+        except ValueError:
+            raise DocumentError(f"{printable(name, 60)} is no number") from None
+        number = number + rule["value"] if rule.kind == "AddValue" else number * rule["value"]
+        values[name] = repr(max(-1e300, min(1e300, number)))
+
+    # Lights
+
+    def _light(self, name: str, text: str) -> None:
+        """Have a light show a state, unless it does.
+
+        Raises:
+            DocumentError: it is no state.
+        """
+        row, value = self._row_of_light(name), lamps_of(text)
+        if row is not None and int(self._world.signals.shown[row]) != value:
+            self._world.signals.force(row, value)
+
+    def _row_of_light(self, name: str) -> int | None:
+        lights = self._world.signals.plan.lights
+        return next((row for row, light in enumerate(lights) if light.name == name), None)
+
+    def _shows(self, name: str, text: str) -> bool:
+        """Return whether a light is in a state: the one that the story has set, or the one that it shows."""
+        if name in self.state.lights:
+            return self.state.lights[name] == text
+        row = self._row_of_light(name)
+        return row is not None and int(self._world.signals.shown[row]) == lamps_of(text)
+
+    # State
+
+    def restore(self, state: StoryState) -> None:
+        """Become what was saved.
+
+        Raises:
+            ValueError: it is no state of this story.
+        """
+        world = self._world
+        uids = [actor.uid for actor in state.actors.values() if actor.uid >= 0]
+        actions = {number for number, part in enumerate(self.board.parts) if part.kind == "Action"}
+        is_good = (
+            list(state.actors) == list(self.story.entities)
+            and self.board.fits(state.board)
+            and 0 <= state.start <= world.frame
+            and len(uids) == len(set(uids))
+            and all(uid in world for uid in uids)
+            and state.values.keys() == self.state.values.keys()
+            and all(
+                actor.mode in MODES
+                and -1 <= actor.lane < len(self._map.roads)
+                and all(0 <= lane < len(self._map.roads) for lane in actor.route)
+                for actor in state.actors.values()
+            )
+            and all(
+                running.entity in state.actors and (running.number in actions or -len(self._init) <= running.number < 0)
+                for running in state.running
+            )
+        )
+        if not is_good:
+            raise ValueError("expected a state of the story that is loaded")
+        for running in state.running:
+            if not MOTIONS[self._item_of(running.number).kind].domains:
+                raise ValueError("expected actions that take time")
+        self.state = state
+        self._use_state()
+
+
+def lamps_of(text: str) -> int:
+    """Return the lamps that the state of a light names: `red`, or `on;off;off` from red to green.
+
+    Raises:
+        DocumentError: it names none.
+    """
+    if text.lower() in _COLOURS:
+        return int(_COLOURS[text.lower()])
+    words = text.lower().split(";")
+    lamps = _LAMPS.get(len(words))
+    if lamps is None or not set(words) <= {"on", "off"}:
+        shown = printable(text, 60)
+        raise DocumentError(f"expected a state such as red, green or on;off;off, got {shown!r}")
+    return sum(int(lamp) for lamp, word in zip(lamps, words, strict=True) if word == "on")
+
+
+def _leaf(item: StoryItem) -> StoryItem:
+    """Return the private action within the elements around it."""
+    while item.kind in _WRAPPERS:
+        item = item.part()
+    return item

@@ -1,0 +1,192 @@
+"""The machine of a storyboard: states, priorities, edges, delays, executions."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rosbridge_sim.scenarios.openscenario.story import StoryText, read_story
+from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.storyboard import State, Storyboard
+from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
+from tests.simulator.story.story_texts import by_value, event, group, speed, story, trigger
+
+A_FRAME = 0.02
+
+
+def probe(name: str, *, delay: float = 0.0, edge: str = "none") -> str:
+    condition = f'<VariableCondition variableRef="{name}" value="1" rule="equalTo"/>'
+    return by_value(condition, delay=delay, edge=edge)
+
+
+class Stage:
+    """A host whose conditions are switches, and whose actions go on until they are let go."""
+
+    def __init__(self, *groups: str, stop: str = "") -> None:
+        names = "abcd"
+        more = "".join(f'<VariableDeclaration name="{name}" variableType="double" value="0"/>' for name in names)
+        text = story({"Ego": ""}, *groups, stop=stop, more=f"<VariableDeclarations>{more}</VariableDeclarations>")
+        self.board = Storyboard(read_story(StoryText("s.xosc", text.encode())).storyboard, A_FRAME)
+        self.on: set[str] = set()
+        self.going: set[int] = set()
+        self.frame = 0
+
+    def measure(self, condition: StoryItem) -> tuple[bool, float]:
+        name = condition.part().part()["variableRef"]
+        return name in self.on, math.nan
+
+    def begin(self, number: int) -> None:
+        self.going.add(number)
+
+    def is_done(self, number: int) -> bool:
+        return number not in self.going
+
+    def end(self, number: int) -> None:
+        self.going.discard(number)
+
+    def step(self, *on: str, num: int = 1) -> None:
+        self.on = set(on)
+        for _ in range(num):
+            self.board.advance(self.frame, self)
+            self.frame += 1
+
+    def state(self, name: str, kind: str = "Event") -> State:
+        return State(self.board.state.states[next(self.board.find(kind, name))])
+
+    def count(self, name: str) -> int:
+        return self.board.state.counts[next(self.board.find("Event", name))]
+
+
+def test_an_event_starts_by_its_trigger_runs_and_completes_with_all_around_it() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a"))))
+    stage.step()
+    assert (stage.state("e"), stage.state("act", "Act")) == (State.STANDBY, State.RUNNING)
+    stage.step("a")
+    assert (stage.state("e"), len(stage.going)) == (State.RUNNING, 1)
+    stage.going.clear()
+    stage.step()
+    kinds = {"e": "Event", "maneuver": "Maneuver", "group": "ManeuverGroup", "act": "Act", "story": "Story"}
+    assert all(stage.state(name, kind) is State.COMPLETE for name, kind in kinds.items())
+
+
+@pytest.mark.parametrize(
+    ("edge", "frames", "starts"),
+    [
+        ("none", ["a"], 0),
+        ("rising", ["a", "a", "", "a"], 3),  # what holds at the first look has not risen
+        ("falling", ["", "a", "a", ""], 3),
+        ("risingOrFalling", ["", "", "a"], 2),
+    ],
+)
+def test_an_edge_needs_a_value_before(edge: str, frames: list[str], starts: int) -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a", edge=edge))))
+    for i, on in enumerate(frames):
+        assert stage.count("e") == 0, i
+        stage.step(*on)
+    assert stage.count("e") == 1
+    assert len(frames) - 1 == starts
+
+
+def test_a_delay_looks_at_what_was_so_long_ago() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a", delay=0.1, edge="rising"))))
+    stage.step()
+    stage.step("a")
+    stage.step(num=4)
+    assert stage.count("e") == 0
+    stage.step()
+    assert stage.count("e") == 1
+
+
+def test_a_condition_that_flickers_keeps_a_bounded_past() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a", delay=1000.0))))
+    for i in range(12_000):
+        stage.step(*("a" if i % 2 else ""))
+    assert len(stage.board.state.history[0]) <= 10_000
+
+
+@pytest.mark.parametrize(
+    ("priority", "states", "counts"),
+    [
+        ("override", (State.COMPLETE, State.RUNNING), (1, 1)),
+        ("overwrite", (State.COMPLETE, State.RUNNING), (1, 1)),
+        ("parallel", (State.RUNNING, State.RUNNING), (1, 1)),
+        ("skip", (State.RUNNING, State.COMPLETE), (1, 1)),
+    ],
+)
+def test_priorities(priority: str, states: tuple[State, State], counts: tuple[int, int]) -> None:
+    first, second = event("one", speed(1), probe("a")), event("two", speed(2), probe("b"), priority=priority)
+    stage = Stage(group("Ego", first, second))
+    stage.step("a")
+    stage.step("b")
+    assert (stage.state("one"), stage.state("two")) == states
+    assert (stage.count("one"), stage.count("two")) == counts
+    assert len(stage.going) == sum(state is State.RUNNING for state in states)
+
+
+def test_an_event_is_executed_as_often_as_it_says() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a", edge="rising"), count=2)))
+    for _ in range(3):
+        stage.step()
+        stage.step("a")
+        stage.going.clear()
+        stage.step()
+    assert stage.count("e") == 2
+    assert stage.state("e") is State.COMPLETE
+
+
+def test_a_group_begins_again_with_all_its_events() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a")), count=3))
+    starts = 0
+    for _ in range(20):
+        stage.step("a")
+        starts += len(stage.going)
+        stage.going.clear()
+    assert starts == 3
+    assert stage.state("group", "ManeuverGroup") is State.COMPLETE
+
+
+def test_the_stop_trigger_ends_running_actions_and_nothing_starts_again() -> None:
+    stop = trigger(probe("b"), tag="x")[3:-4]
+    stage = Stage(group("Ego", event("e", speed(1), probe("a"), count=5)), stop=stop)
+    stage.step("a")
+    stage.step("b")
+    assert stage.board.state.is_over
+    assert not stage.going
+    stage.step("a", num=3)
+    assert not stage.going
+
+
+def test_conditions_see_the_states_of_the_frame_before() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a"))))
+    stage.step("a")
+    assert not stage.board.seen("Event", "e", "startTransition")
+    stage.step()
+    assert stage.board.seen("Event", "e", "startTransition")
+    assert stage.board.seen("Event", "act::e", "runningState")
+    assert not stage.board.seen("Event", "other::e", "runningState")
+    stage.step()
+    assert not stage.board.seen("Event", "e", "startTransition")
+
+
+def test_a_saved_machine_goes_on_as_the_first_one() -> None:
+    groups = group("Ego", event("e", speed(1), probe("a", delay=0.06, edge="rising"), count=2))
+    one, other = Stage(groups), Stage(groups)
+    one.step()
+    one.step("a", num=2)
+    saved = read_as(type(one.board.state), as_plain(one.board.state), "state")
+    assert other.board.fits(saved)
+    other.board.state, other.frame = saved, one.frame
+    for on in ("", "", "a", "", "", "", "", "a"):
+        for stage in (one, other):
+            stage.step(*on)
+        assert as_plain(one.board.state) == as_plain(other.board.state)
+    assert one.count("e") == 1
+
+
+def test_a_state_of_another_story_does_not_fit() -> None:
+    one, other = Stage(group("Ego")), Stage(group("Ego", event("e", speed(1), probe("a"))))
+    assert not one.board.fits(other.board.fresh())
+    wrong = one.board.fresh()
+    wrong.states[0] = 7
+    assert not one.board.fits(wrong)

@@ -1,0 +1,449 @@
+"""Stories as they are told: triggers, actions and conditions, each on a small map with values worked out by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.simulator.story.motions import shape_at
+from tests.simulator.story.story_texts import (
+    Telling,
+    after,
+    at,
+    by_entity,
+    by_value,
+    event,
+    group,
+    lane_change,
+    lateral,
+    link,
+    longitudinal,
+    routing,
+    scenario_of,
+    speed,
+    state_of,
+    story,
+    teleport,
+    trigger,
+)
+
+EGO = {"Ego": teleport(link("middle", 20)) + speed(10)}
+
+
+def with_car(s: float = 60.0, v: float = 10.0, lane: str = "middle") -> dict[str, str]:
+    return {**EGO, "Car": teleport(link(lane, s)) + speed(v)}
+
+
+# Places at the start, and who is the ego
+
+
+def test_entities_begin_where_init_places_them_with_its_speeds() -> None:
+    telling = Telling(story({**EGO, "Car": teleport(at(200.0, 3.5, math.pi)) + speed(5)}))
+    assert (telling.x("Ego"), telling.y("Ego"), telling.speed("Ego")) == (20.0, 0.0, 10.0)
+    assert (telling.x("Car"), telling.speed("Car")) == (200.0, 5.0)
+    telling.run(1.0)
+    assert telling.x("Ego") == pytest.approx(30.0)
+    assert telling.x("Car") == pytest.approx(195.0)  # it faces west
+
+
+def test_relative_positions_follow_the_lane_of_their_entity() -> None:
+    relative = '<Position><RelativeLanePosition entityRef="Ego" dLane="1" ds="25" offset="0.5"/></Position>'
+    ahead = '<Position><RelativeObjectPosition entityRef="Ego" dx="10" dy="-2"/></Position>'
+    telling = Telling(story({**EGO, "Car": teleport(relative), "Other": teleport(ahead)}))
+    assert (telling.x("Car"), telling.y("Car")) == pytest.approx((45.0, 4.0))
+    assert (telling.x("Other"), telling.y("Other")) == pytest.approx((30.0, -2.0))
+
+
+def test_a_place_that_the_map_lacks_is_refused_with_its_line() -> None:
+    with pytest.raises(DocumentError, match=r"story.xosc: line 5: LinkPosition: the map has no link 'midle'.*middle"):
+        Telling(story({"Ego": teleport(link("midle", 20))}))
+
+
+def test_the_program_drives_the_ego_by_default_and_the_story_sees_it() -> None:
+    reach = by_entity("Ego", f'<ReachPositionCondition tolerance="1">{link("middle", 20)}</ReachPositionCondition>')
+    text = story(with_car(), group("Car", event("go", speed(3), reach)))
+    telling = Telling(text, drives_ego=False)
+    assert telling.speed("Ego") == 10.0
+    telling.run(0.1)
+    assert telling.world.is_ghost[telling.row("Car")]
+    assert not telling.world.is_ghost[telling.row("Ego")]
+    assert telling.speed("Car") == 3.0
+
+
+# Actions
+
+
+@pytest.mark.parametrize(("shape", "peak"), [("linear", 1.0), ("sinusoidal", math.pi / 2), ("cubic", 1.5)])
+def test_a_change_of_speed_by_rate_has_that_rate_at_its_steepest(shape: str, peak: float) -> None:
+    telling = Telling(story(with_car(), group("Car", event("faster", speed(16, shape, "rate", 3), after(0)))))
+    speeds = [telling.speed("Car")]
+    for _ in range(250):
+        telling.run(0.02)
+        speeds.append(telling.speed("Car"))
+    rates = np.diff(speeds) / 0.02
+    assert rates.max() == pytest.approx(3.0, rel=2e-3)
+    assert speeds[-1] == 16.0
+    length = peak * 6.0 / 3.0
+    assert np.flatnonzero(np.array(speeds) == 16.0)[0] == pytest.approx(length * 50, abs=1.5)
+
+
+def test_a_change_of_speed_by_time_takes_the_way_of_its_mean_speed() -> None:
+    telling = Telling(story(with_car(v=0.0), group("Car", event("go", speed(8, "sinusoidal", "time", 4), after(0)))))
+    telling.run(4.02)
+    assert telling.speed("Car") == 8.0
+    assert telling.x("Car") - 60.0 == pytest.approx(16.0 + 0.02 * 8.0, abs=1e-3)
+
+
+def test_a_change_of_speed_is_no_faster_than_the_performance() -> None:
+    telling = Telling(story(with_car(v=0.0), group("Car", event("go", speed(20, "linear", "time", 0.5), after(0)))))
+    telling.run(1.0)
+    assert telling.speed("Car") == pytest.approx(10.0, abs=0.25)  # maxAcceleration is 10
+
+
+def test_a_relative_speed_that_is_continuous_follows() -> None:
+    goal = '<RelativeTargetSpeed entityRef="Ego" value="1.5" speedTargetValueType="factor" continuous="true"/>'
+    slower = event("slower", speed(4), after(1), priority="override")
+    telling = Telling(story(with_car(), group("Car", event("same", speed(goal), after(0))), group("Ego", slower)))
+    telling.run(0.5)
+    assert telling.speed("Car") == 15.0
+    telling.run(1.0)
+    assert telling.speed("Car") == 6.0
+    assert not telling.told.is_done(telling.told.state.running[0].number)
+
+
+@pytest.mark.parametrize("shape", ["linear", "sinusoidal", "cubic"])
+def test_a_lane_change_has_its_shape_and_ends_in_the_middle_of_the_lane(shape: str) -> None:
+    change = lane_change('<RelativeTargetLane entityRef="Car" value="1"/>', shape, "time", 2.0)
+    telling = Telling(story(with_car(), group("Car", event("change", change, after(0)))))
+    for frame in range(1, 100):
+        telling.run(0.02)
+        assert telling.y("Car") == pytest.approx(3.5 * shape_at(shape, frame / 100.0), abs=1e-9)
+    telling.run(0.1)
+    actor = telling.told.state.actors["Car"]
+    assert telling.world.roads.ids[actor.lane] == "left"
+    assert actor.offset == pytest.approx(0.0, abs=1e-9)
+    assert actor.turned == 0.0
+
+
+def test_its_speed_is_along_its_way_while_it_changes_lanes() -> None:
+    change = lane_change('<RelativeTargetLane entityRef="Car" value="-1"/>', "linear", "time", 1.0)
+    telling = Telling(story(with_car(), group("Car", event("change", change, after(0)))))
+    telling.run(0.5)
+    assert telling.x("Car") - 60.0 == pytest.approx(0.5 * math.sqrt(100.0 - 3.5**2), abs=1e-6)
+    assert telling.world.yaw[telling.row("Car")] == pytest.approx(-math.asin(0.35))
+
+
+def test_a_lane_that_is_not_there_ends_the_action_and_nothing_else(caplog: pytest.LogCaptureFixture) -> None:
+    change = lane_change('<RelativeTargetLane entityRef="Car" value="2"/>')
+    telling = Telling(story(with_car(), group("Car", event("change", change, after(0)))))
+    telling.run(1.0)
+    assert telling.y("Car") == 0.0
+    assert telling.began("Event", "change")
+    assert "no lane +1 beside link 'left'" in caplog.text or "no lane +2 beside link 'middle'" in caplog.text
+
+
+def test_an_offset_is_reached_with_the_given_acceleration() -> None:
+    offset = lateral(
+        '<LaneOffsetAction continuous="false"><LaneOffsetActionDynamics dynamicsShape="sinusoidal" maxLateralAcc="1"/>'
+        '<LaneOffsetTarget><AbsoluteTargetLaneOffset value="-1"/></LaneOffsetTarget></LaneOffsetAction>'
+    )
+    telling = Telling(story(with_car(), group("Car", event("aside", offset, after(0)))))
+    ys = []
+    for _ in range(150):
+        telling.run(0.02)
+        ys.append(telling.y("Car"))
+    assert ys[-1] == -1.0
+    assert np.abs(np.diff(ys, 2)).max() / 0.02**2 == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_trajectory_with_times_is_where_its_vertices_say() -> None:
+    vertices = "".join(f'<Vertex time="{t}">{at(x, y)}</Vertex>' for t, x, y in ((0, 60, 0), (2, 80, 0), (4, 80, 20)))
+    follow = routing(
+        '<FollowTrajectoryAction><Trajectory name="t" closed="false"><Shape><Polyline>'
+        f"{vertices}</Polyline></Shape></Trajectory>"
+        '<TimeReference><Timing domainAbsoluteRelative="relative" scale="0.5" offset="0"/></TimeReference>'
+        '<TrajectoryFollowingMode followingMode="position"/></FollowTrajectoryAction>'
+    )
+    telling = Telling(story(with_car(), group("Car", event("follow", follow, after(1)))))
+    telling.run(1.0)
+    telling.run(0.5)
+    assert (telling.x("Car"), telling.y("Car")) == pytest.approx((70.0, 0.0))
+    telling.run(1.0)
+    assert (telling.x("Car"), telling.y("Car")) == pytest.approx((80.0, 10.0))
+    assert telling.speed("Car") == pytest.approx(20.0)
+    assert telling.world.yaw[telling.row("Car")] == pytest.approx(math.pi / 2)
+
+
+def test_a_trajectory_without_times_goes_with_the_speed() -> None:
+    vertices = "".join(f"<Vertex>{at(x, y)}</Vertex>" for x, y in ((60, 0), (63, 4), (63, 20)))
+    follow = routing(
+        '<FollowTrajectoryAction><Trajectory name="t" closed="false"><Shape><Polyline>'
+        f"{vertices}</Polyline></Shape></Trajectory><TimeReference><None/></TimeReference></FollowTrajectoryAction>"
+    )
+    init = {**EGO, "walker": teleport(at(60, 0)) + speed(2)}
+    telling = Telling(story(init, group("walker", event("walk", follow, after(0)))))
+    telling.run(1.0)
+    assert (telling.x("walker"), telling.y("walker")) == pytest.approx((61.2, 1.6))
+    telling.run(2.0)
+    assert (telling.x("walker"), telling.y("walker")) == pytest.approx((63.0, 5.0))
+
+
+def test_a_gap_is_reached_and_kept() -> None:
+    keep = longitudinal(
+        '<LongitudinalDistanceAction entityRef="Car" continuous="true" freespace="true" distance="15"'
+        ' displacement="trailingReferencedEntity"><DynamicConstraints maxAcceleration="3" maxDeceleration="5"'
+        ' maxSpeed="30"/></LongitudinalDistanceAction>'
+    )
+    telling = Telling(story(with_car(100.0), group("Ego", event("keep", keep, after(0)))))
+    telling.run(20.0)
+    assert telling.x("Car") - telling.x("Ego") == pytest.approx(15.0 + 5.0, abs=0.05)
+    assert telling.speed("Ego") == pytest.approx(10.0, abs=0.05)
+
+
+def test_a_gap_without_limits_is_there_at_once() -> None:
+    lead = longitudinal(
+        '<LongitudinalDistanceAction entityRef="Ego" continuous="false" freespace="true" timeGap="2"'
+        ' displacement="leadingReferencedEntity"/>'
+    )
+    telling = Telling(story({**EGO, "Car": teleport(link("middle", 30)) + speed(10) + lead}))
+    assert telling.x("Car") - telling.x("Ego") == pytest.approx(20.0 + 5.0)
+
+
+def test_a_distance_to_the_side_is_kept_within_the_limits() -> None:
+    keep = lateral(
+        '<LateralDistanceAction entityRef="Ego" continuous="true" freespace="true" distance="0.5"'
+        ' displacement="leftToReferencedEntity"><DynamicConstraints maxSpeed="1" maxAcceleration="2"/>'
+        "</LateralDistanceAction>"
+    )
+    telling = Telling(story(with_car(20.0, lane="left"), group("Car", event("keep", keep, after(0)))))
+    ys = [telling.y("Car")]
+    for _ in range(200):
+        telling.run(0.02)
+        ys.append(telling.y("Car"))
+    assert ys[-1] == pytest.approx(2.5, abs=1e-3)  # two cars of 2 m, and 0.5 m between them
+    assert np.abs(np.diff(ys)).max() <= 1.0 * 0.02 + 1e-9
+
+
+def test_synchronized_cars_arrive_together() -> None:
+    target = link("middle", 120).replace("Position>", "TargetPositionMaster>")
+    own = link("right", 155).replace("Position>", "TargetPosition>")
+    final = '<FinalSpeed><AbsoluteSpeed value="12"/></FinalSpeed>'
+    meet = f'<SynchronizeAction masterEntityRef="Ego">{target}{own}{final}</SynchronizeAction>'
+    meet = f"<PrivateAction>{meet}</PrivateAction>"
+    telling = Telling(story(with_car(lane="right"), group("Car", event("meet", meet, after(0)))))
+    telling.run(9.9)  # the ego has 100 m at 10 m/s
+    assert telling.x("Ego") == pytest.approx(119.0, abs=0.2)
+    assert telling.x("Car") == pytest.approx(155.0 - 0.1 * 12.0, abs=0.3)
+    assert telling.speed("Car") == pytest.approx(12.0, abs=0.2)
+
+
+def test_a_speed_profile_goes_through_its_entries() -> None:
+    entries = "".join(f'<SpeedProfileEntry time="{t}" speed="{v}"/>' for t, v in ((0, 0), (2, 10), (2, 4)))
+    profile = longitudinal(f'<SpeedProfileAction followingMode="position">{entries}</SpeedProfileAction>')
+    telling = Telling(story(with_car(v=0), group("Car", event("profile", profile, after(0)))))
+    telling.run(1.0)
+    assert telling.speed("Car") == pytest.approx(5.0)
+    telling.run(2.0)
+    assert telling.speed("Car") == pytest.approx(7.0)
+    telling.run(1.1)
+    assert telling.speed("Car") == 4.0
+    assert telling.x("Car") - 60.0 == pytest.approx(10.0 + 14.0 + 0.1 * 4.0, abs=0.01)
+
+
+def test_entities_are_added_and_deleted() -> None:
+    add, delete = (
+        f'<GlobalAction><EntityAction entityRef="Late">{each}</EntityAction></GlobalAction>'
+        for each in (f"<AddEntityAction>{link('left', 50)}</AddEntityAction>", "<DeleteEntityAction/>")
+    )
+    events = event("add", add, after(1)), event("go", speed(2), after(1.5)), event("delete", delete, after(3))
+    telling = Telling(story({**EGO, "Late": ""}, group("Late", *events)))
+    assert telling.told.state.actors["Late"].uid == -1
+    telling.run(2.0)
+    assert (telling.x("Late"), telling.y("Late")) == pytest.approx((50.96, 3.5), abs=0.05)
+    telling.run(1.1)
+    assert telling.told.state.actors["Late"].uid == -1
+    assert len(telling.world) == 1
+
+
+def test_lights_show_what_the_story_sets() -> None:
+    red, green = (
+        "<GlobalAction><InfrastructureAction><TrafficSignalAction>"
+        f'<TrafficSignalStateAction name="light" state="{each}"/>'
+        "</TrafficSignalAction></InfrastructureAction></GlobalAction>"
+        for each in ("on;off;off", "green")
+    )
+    seen = by_value('<TrafficSignalCondition name="light" state="green"/>')
+    events = event("red", red, after(0)), event("green", green, after(1)), event("go", speed(20), seen)
+    telling = Telling(story(with_car(), group("Car", *events)))
+    telling.run(0.5)
+    assert telling.world.signals.shown[0] == 1
+    assert telling.speed("Car") == 10.0
+    telling.run(0.6)
+    assert telling.world.signals.shown[0] == 16
+    assert telling.speed("Car") == 20.0
+
+
+def test_a_controller_hands_an_actor_to_a_driver_of_the_world_and_an_action_takes_it_back() -> None:
+    activate = '<ActivateControllerAction lateral="true" longitudinal="true"/>'
+    drive = f"<PrivateAction><ControllerAction>{activate}</ControllerAction></PrivateAction>"
+    events = event("drive", drive, after(0)), event("stop", speed(0), after(3))
+    telling = Telling(story(with_car(), group("Car", *events)))
+    telling.run(2.0)
+    assert telling.world.has_lane[telling.row("Car")]
+    assert telling.x("Car") > 75.0
+    telling.run(1.1)
+    assert not telling.world.has_lane[telling.row("Car")]
+    assert telling.speed("Car") == 0.0
+
+
+def test_a_route_decides_where_lanes_fork_and_bends_keep_the_speed() -> None:
+    telling = Telling(story({"Ego": teleport(link("middle", 990)) + speed(10)}))
+    telling.run(5.0)  # 10 m straight, 40 m of the bend of radius 50
+    turned = 40.0 / 50.0
+    assert telling.x("Ego") == pytest.approx(1000.0 + 50.0 * math.sin(turned), abs=0.05)
+    assert telling.y("Ego") == pytest.approx(50.0 - 50.0 * math.cos(turned), abs=0.05)
+
+
+def test_an_offset_in_a_bend_keeps_the_speed_of_the_actor_not_of_the_line() -> None:
+    telling = Telling(story({"Ego": teleport(link("bend", 50, 1.0)) + speed(10)}))
+    before = np.array([telling.x("Ego"), telling.y("Ego")])
+    telling.run(0.02)
+    way = np.hypot(*(np.array([telling.x("Ego"), telling.y("Ego")]) - before))
+    assert way == pytest.approx(0.2, rel=5e-3)
+
+
+def test_at_the_end_of_the_road_an_actor_stays() -> None:
+    ends = by_entity("Ego", '<EndOfRoadCondition duration="1"/>', edge="rising")
+    back = event("back", teleport(link("left", 10)), ends)
+    telling = Telling(story({"Ego": teleport(link("left", 990)) + speed(10)}, group("Ego", back)))
+    telling.run(1.8)
+    assert telling.x("Ego") == 1000.0
+    telling.run(0.4)
+    assert telling.x("Ego") == pytest.approx(11.0, abs=1.5)
+
+
+# Conditions
+
+
+def first_frame(condition: str, init: dict[str, str], *, most: float = 12.0) -> float:
+    """The time of the frame in which an event with this condition begins [s]."""
+    telling = Telling(story(init, group("Ego", event("probe", speed(10), condition))))
+    for frame in range(round(most * 50)):
+        if telling.began("Event", "probe"):
+            return frame * 0.02
+        telling.run(0.02)
+    return math.inf
+
+
+def gap(value: float, more: str) -> str:
+    return f'<RelativeDistanceCondition entityRef="Car" value="{value}" rule="lessThan" {more}/>'
+
+
+def to_collision(value: float, more: str) -> str:
+    target = '<TimeToCollisionConditionTarget><EntityRef entityRef="Car"/></TimeToCollisionConditionTarget>'
+    condition = "TimeToCollisionCondition"
+    return f'<{condition} value="{value}" rule="lessThan" {more}>{target}</{condition}>'
+
+
+ALONG = 'relativeDistanceType="longitudinal"'
+
+# The ego is 40 m behind, and 5 m/s faster; cars are 5 m long.
+MOMENTS = [
+    (gap(20, f'freespace="false" {ALONG}'), 4.0),
+    (gap(20, f'freespace="true" coordinateSystem="road" {ALONG}'), 3.0),
+    ('<TimeHeadwayCondition entityRef="Car" value="2.5" rule="lessThan" freespace="false" alongRoute="true"/>', 3.0),
+    (to_collision(4, 'freespace="false" alongRoute="true"'), 4.0),
+    (to_collision(4, f'freespace="true" {ALONG}'), 3.0),
+    ('<TraveledDistanceCondition value="35"/>', 3.5),
+    (
+        f'<DistanceCondition value="30" rule="lessOrEqual" freespace="false">{link("middle", 100)}</DistanceCondition>',
+        5.0,
+    ),
+    (f'<ReachPositionCondition tolerance="2">{link("middle", 60)}</ReachPositionCondition>', 3.8),
+    ('<RelativeSpeedCondition entityRef="Car" value="5" rule="equalTo"/>', 0.0),
+    ('<SpeedCondition value="9.9" rule="greaterThan"/>', 0.0),
+    ('<SpeedCondition value="10" rule="lessThan"/>', math.inf),
+    ('<CollisionCondition><EntityRef entityRef="Car"/></CollisionCondition>', 7.0),
+]
+
+
+@pytest.mark.parametrize(("condition", "expected"), MOMENTS)
+def test_a_condition_of_an_entity_holds_from_its_moment(condition: str, expected: float) -> None:
+    init = with_car(60.0, 5.0)
+    assert first_frame(by_entity("Ego", condition), init) == pytest.approx(expected, abs=0.05)
+
+
+def test_what_is_behind_has_no_headway_and_no_time_to_collision() -> None:
+    condition = (
+        '<TimeHeadwayCondition entityRef="Car" value="0" rule="greaterThan" freespace="false" alongRoute="true"/>'
+    )
+    assert first_frame(by_entity("Ego", condition), with_car(5.0, 5.0), most=1.0) == math.inf
+
+
+def test_all_triggering_entities_must_fulfil_a_condition_of_all() -> None:
+    still = '<StandStillCondition duration="1"/>'
+    init = {**EGO, "Car": teleport(link("left", 60)) + speed(0)}
+    assert first_frame(by_entity("Ego Car", still), init) == pytest.approx(1.0, abs=0.03)
+    assert first_frame(by_entity("Ego Car", still, rule="all"), init, most=2.0) == math.inf
+
+
+def test_variables_are_set_and_compared() -> None:
+    more = (
+        '<VariableDeclarations><VariableDeclaration name="n" variableType="double" value="1"/></VariableDeclarations>'
+    )
+    rule = '<ModifyAction><Rule><AddValue value="2"/></Rule></ModifyAction>'
+    add = f'<GlobalAction><VariableAction variableRef="n">{rule}</VariableAction></GlobalAction>'
+    three = by_value('<VariableCondition variableRef="n" value="3" rule="equalTo"/>')
+    events = event("add", add, after(1)), event("go", speed(3), three)
+    telling = Telling(story(with_car(), group("Car", *events), more=more))
+    telling.run(1.2)
+    assert telling.told.state.values["n"] == "3.0"
+    assert telling.speed("Car") == 3.0
+
+
+def test_an_unknown_variable_is_refused() -> None:
+    probe = event("go", speed(3), by_value('<VariableCondition variableRef="m" value="3" rule="equalTo"/>'))
+    with pytest.raises(DocumentError, match=r"VariableCondition\.variableRef: there is no 'm'"):
+        scenario_of(story(EGO, group("Ego", probe)))
+
+
+def test_events_follow_each_other_by_their_states() -> None:
+    events = (
+        event("first", speed(20, "linear", "time", 2), after(1)),
+        event("second", speed(5), state_of("event", "first", "endTransition", delay=0.5, edge="rising")),
+    )
+    telling = Telling(story(with_car(), group("Car", *events)))
+    telling.run(3.4)
+    assert telling.speed("Car") == 20.0
+    telling.run(0.3)
+    assert telling.speed("Car") == 5.0
+
+
+def test_the_stop_trigger_ends_the_story_and_its_actions() -> None:
+    goal = event("go", speed(30, "linear", "time", 10), after(0))
+    stop = trigger(after(2), tag="x").removeprefix("<x>").removesuffix("</x>")
+    telling = Telling(story(with_car(), group("Car", goal), stop=stop))
+    telling.run(2.1)
+    assert telling.told.state.board.is_over
+    now = telling.speed("Car")
+    telling.run(1.0)
+    assert telling.speed("Car") == now
+
+
+def test_an_evaluation_gives_a_verdict() -> None:
+    far = by_entity("Ego", '<TraveledDistanceCondition value="20"/>')
+    success, failure = trigger(far, tag="x")[3:-4], trigger(after(5), tag="x")[3:-4]
+    success, failure = (
+        each.replace("ConditionGroup", f"{name}ConditionGroup")
+        for each, name in ((success, "Success"), (failure, "Failure"))
+    )
+    telling = Telling(story(EGO, end=f"<Evaluation>{success}{failure}</Evaluation>"))
+    telling.run(1.9)
+    assert telling.told.state.board.verdict == ""
+    telling.run(0.2)
+    assert telling.told.state.board.verdict == "success"
+    telling.run(4.0)
+    assert telling.told.state.board.verdict == "success"
