@@ -74,6 +74,7 @@ SIMULATOR_ROOMS: Final = Picture(
         "markers": ((350, 270), (300, 80), "map and scene as markers"),
         "replays": ((670, 270), (290, 80), "recorded drives"),
         "sensors": ((40, 390), (290, 80), "GPS, IMU, cameras, lidars, radars"),
+        "story": ((350, 390), (300, 80), "stories of OpenSCENARIO"),
         "kernel": ((40, 510), (920, 80), "context, hooks, egos, the steps of frames"),
         "scene": ((40, 630), (600, 80), "population of the world, and its map"),
         "sync": ((670, 630), (290, 80), "synchronous mode, barrier"),

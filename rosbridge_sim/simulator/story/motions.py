@@ -75,7 +75,7 @@ Advance = Callable[[Stage, StoryItem, StoryActor, Running], bool]
 """Goes on by a frame; returns whether the action is done."""
 
 
-class ActionKind(Record, eq=False):
+class StoryMotion(Record, eq=False):
     """A kind of action: its domains, and what it does."""
 
     domains: tuple[str, ...]
@@ -489,21 +489,21 @@ def _never(_stage: Stage, _item: StoryItem, _actor: StoryActor, _running: Runnin
 _LONG: Final = ("longitudinal",)
 _LAT: Final = ("lateral",)
 
-MOTIONS: Final[Mapping[str, ActionKind]] = {
-    "SpeedAction": ActionKind(_LONG, _begin_speed, _advance_speed),
-    "SpeedProfileAction": ActionKind(_LONG, _begin_profile, _advance_profile),
-    "LongitudinalDistanceAction": ActionKind(_LONG, _begin_gap, _advance_gap),
-    "SynchronizeAction": ActionKind(_LONG, _begin_sync, _advance_sync),
-    "LaneChangeAction": ActionKind(_LAT, _begin_change, _advance_change),
-    "LaneOffsetAction": ActionKind(_LAT, _begin_offset, _advance_offset),
-    "LateralDistanceAction": ActionKind(_LAT, _begin_side, _advance_side),
-    "FollowTrajectoryAction": ActionKind(_LAT, _begin_trajectory, _advance_trajectory),
-    "AssignRouteAction": ActionKind((), _begin_route, _never),
-    "AcquirePositionAction": ActionKind((), _begin_route, _never),
-    "TeleportAction": ActionKind((), _begin_teleport, _never),
-    "ControllerAction": ActionKind((), _begin_controller, _never),
-    "ActivateControllerAction": ActionKind((), _begin_controller, _never),
-    "VisibilityAction": ActionKind((), _never, _never),
-    "AppearanceAction": ActionKind((), _never, _never),
+MOTIONS: Final[Mapping[str, StoryMotion]] = {
+    "SpeedAction": StoryMotion(_LONG, _begin_speed, _advance_speed),
+    "SpeedProfileAction": StoryMotion(_LONG, _begin_profile, _advance_profile),
+    "LongitudinalDistanceAction": StoryMotion(_LONG, _begin_gap, _advance_gap),
+    "SynchronizeAction": StoryMotion(_LONG, _begin_sync, _advance_sync),
+    "LaneChangeAction": StoryMotion(_LAT, _begin_change, _advance_change),
+    "LaneOffsetAction": StoryMotion(_LAT, _begin_offset, _advance_offset),
+    "LateralDistanceAction": StoryMotion(_LAT, _begin_side, _advance_side),
+    "FollowTrajectoryAction": StoryMotion(_LAT, _begin_trajectory, _advance_trajectory),
+    "AssignRouteAction": StoryMotion((), _begin_route, _never),
+    "AcquirePositionAction": StoryMotion((), _begin_route, _never),
+    "TeleportAction": StoryMotion((), _begin_teleport, _never),
+    "ControllerAction": StoryMotion((), _begin_controller, _never),
+    "ActivateControllerAction": StoryMotion((), _begin_controller, _never),
+    "VisibilityAction": StoryMotion((), _never, _never),
+    "AppearanceAction": StoryMotion((), _never, _never),
 }
 """Kinds of private actions."""

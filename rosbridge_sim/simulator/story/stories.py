@@ -59,7 +59,13 @@ class Stories(Component):
 
     def publish(self, publishers: Publishers) -> None:
         """Publish the topic that exists once, not for each ego."""
-        publishers.add(STORY_TOPIC, "rosbridge_sim_msgs/StoryState", self._message, rate=RATE, is_shown_in_pause=True)
+        publishers.add(
+            STORY_TOPIC,
+            "rosbridge_sim_msgs/StoryState",
+            lambda: None if self.told is None else self._message(),
+            rate=RATE,
+            is_shown_in_pause=True,
+        )
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service that exists once, not for each ego."""
