@@ -14,6 +14,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import COMFORT, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Body, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 STANDING_SPACING: Final = 12.0
 """From one slot to the next at standstill [m]: a car of 4.7 m, and twice as much again for trucks and lane ends."""
@@ -122,7 +123,7 @@ def keep_clear(world: World, slots: LaneSlots, radius: float) -> BoolArray:
     return is_clear
 
 
-def stand_at_ends(world: World) -> BoolArray:
+def stand_at_ends(world: WorldRows) -> BoolArray:
     """Return (n,) which rows have stopped on a lane that leads nowhere: at its end, or in a queue before it."""
     return np.asarray(world.alive & world.has_lane & (world.ahead_1 < 0) & (world.speed == 0.0))
 

@@ -21,8 +21,17 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import FREE, SignalsSnapshot
 from rosbridge_sim.world.roads.turn_shares import TurnShares
-from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NO_BODY, NUM_CORE
-from rosbridge_sim.world.state.entity_types import MAX_COORDINATE, MIN_FRICTION_SHARE, Body, Dynamics, Gear, Kind, Mode
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NUM_CORE
+from rosbridge_sim.world.state.entity_types import (
+    MAX_COORDINATE,
+    MIN_FRICTION_SHARE,
+    NO_BODY,
+    Body,
+    Dynamics,
+    Gear,
+    Kind,
+    Mode,
+)
 from rosbridge_sim.world.state.labels import label_of
 from rosbridge_sim.world.state.world import MAX_UID, Snapshot
 

@@ -39,7 +39,8 @@ from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collisi
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, settle
-from rosbridge_sim.world.state.world import DT, MAX_UID, Kind, World
+from rosbridge_sim.world.state.world import DT, MAX_UID, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.world.vehicle.ground import are_on_road
 
 NUM_IDS: Final = 8
@@ -114,12 +115,12 @@ class Score(Record):
     rms_lateral_accel: float
 
 
-def remember(world: World) -> Before:
+def remember(world: WorldRows) -> Before:
     """Store what `judge` wants of the world as a step begins."""
     return Before(world.uid.copy(), world.accel.copy(), world.contacts)
 
 
-def judge(world: World, before: Before) -> None:
+def judge(world: WorldRows, before: Before) -> None:
     """Bring the scores of all egos up to the end of a step, behind `collisions.find`.
 
     Args:
@@ -145,7 +146,7 @@ def judge(world: World, before: Before) -> None:
         _judge_lines(world, rows, (start + nose * first, end + nose * last), last)
 
 
-def read_score(world: World, row: int) -> Score:
+def read_score(world: WorldRows, row: int) -> Score:
     """Return the score of one ego.
 
     Args:
@@ -183,7 +184,7 @@ def _root(mean_square: float) -> float:
     return math.sqrt(max(mean_square, 0.0))
 
 
-def _count_contacts(world: World, rows: IntArray, before: IntArray) -> None:
+def _count_contacts(world: WorldRows, rows: IntArray, before: IntArray) -> None:
     """Count the contacts that were not there one step before, and keep the ids."""
     world.has_collided[rows] = False
     now = world.contacts
@@ -232,7 +233,7 @@ def _are_among(pairs: IntArray, others: IntArray) -> BoolArray:
     return is_among(keys[: len(pairs)], keys[len(pairs) :])
 
 
-def _judge_comfort(world: World, rows: IntArray, before: Before) -> None:
+def _judge_comfort(world: WorldRows, rows: IntArray, before: Before) -> None:
     """Bring jerk and lateral acceleration up to date."""
     accel = world.accel[rows]
     known = np.minimum(rows, len(before.uid) - 1)
@@ -248,7 +249,7 @@ def _judge_comfort(world: World, rows: IntArray, before: Before) -> None:
         squares[rows] += column * column
 
 
-def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: ComplexArray) -> None:
+def _judge_lanes(world: WorldRows, rows: IntArray, middle: ComplexArray, heading: ComplexArray) -> None:
     """Bring off-road time, lane invasions and the distance to the lane's middle up to date.
 
     Args:
@@ -314,14 +315,16 @@ class _Edges:
         self._first = np.where(is_fork, NO_EDGES, 0.0)
         self._last = roads.length - np.where(is_join, NO_EDGES, 0.0)
 
-    def are_at(self, world: World, places: LanePlaces) -> BoolArray:
+    def are_at(self, world: WorldRows, places: LanePlaces) -> BoolArray:
         """Return (k,) whether there are edges at places on lanes."""
         lane = places.lane
         is_outside = world.signals.plan.controller_of_lane[lane] < 0
         return (places.s >= self._first[lane]) & (places.s <= self._last[lane]) & is_outside
 
 
-def _judge_lines(world: World, rows: IntArray, nose: tuple[ComplexArray, ComplexArray], heading: ComplexArray) -> None:
+def _judge_lines(
+    world: WorldRows, rows: IntArray, nose: tuple[ComplexArray, ComplexArray], heading: ComplexArray
+) -> None:
     """Count stop lines and red lights passed.
 
     Args:

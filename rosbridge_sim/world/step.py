@@ -36,11 +36,12 @@ from rosbridge_sim.world.followers.path_following import follow_paths
 from rosbridge_sim.world.followers.waiting import start
 from rosbridge_sim.world.people.people import WALK_OFFSET, walk
 from rosbridge_sim.world.state.standing import stand
-from rosbridge_sim.world.state.world import DT, World
+from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.world.vehicle.dynamics import drive
 
 
-def step(world: World, place: Callable[[], None] | None = None) -> None:
+def step(world: WorldRows, place: Callable[[], None] | None = None) -> None:
     """Move the world from its frame to the next one: exactly 20 ms. Writes in place.
 
     Args:
@@ -70,4 +71,4 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
         collisions.keep_poses(world, found)
     if unscored is not None:
         score.judge(world, unscored)
-    world.frame += 1
+    world.count_frame()

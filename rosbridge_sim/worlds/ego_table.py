@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
-from rosbridge_sim.world.many_worlds.batch import Batch, OneOfMany
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.many_worlds.batch import OneOfMany
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 _NUM_CHANGES: Final = attrgetter("num_changes")
 
@@ -26,15 +27,10 @@ class Part(Record, eq=False):
         world, ego: (k,) int64, their places in the arrays.
     """
 
-    columns: World
+    columns: WorldRows
     rows: IntArray
     world: IntArray
     ego: IntArray
-
-    @property
-    def num_slots(self) -> int:
-        """Number of worlds whose rows the columns have; row r of the world in slot s is row r * num_slots + s."""
-        return len(self.columns.worlds) if isinstance(self.columns, Batch) else 1
 
 
 class EgoTable:
@@ -49,14 +45,14 @@ class EgoTable:
         egos = [world.rows(Kind.EGO) for world in worlds]
         num = max((len(rows) for rows in egos), default=0)
         self.is_there: BoolArray = np.zeros((len(worlds), num), dtype=bool)
-        found: dict[int, tuple[World, list[tuple[int, int, int]]]] = {}
+        found: dict[int, tuple[WorldRows, list[tuple[int, int, int]]]] = {}
         for i, (world, rows) in enumerate(zip(worlds, egos, strict=True)):
-            columns: World = world if world.batch is None else world.batch
-            slots, slot = (1, 0) if world.batch is None else (len(world.batch.worlds), world.slot)
+            columns: WorldRows = world if world.batch is None else world.batch
+            slot = 0 if world.batch is None else world.slot
             places = found.setdefault(id(columns), (columns, []))[1]
             for j, row in enumerate(rows.tolist()):
                 self.is_there[i, j] = True
-                places.append((row * slots + slot, i, j))
+                places.append((row * columns.num_worlds + slot, i, j))
         self.parts = [
             Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T) for columns, places in found.values()
         ]

@@ -75,7 +75,7 @@ def cast_rays(part: Part, num: int, reach: float) -> FloatArray:
 
 def _find_near(part: Part, middle: ComplexArray, reach: float) -> tuple[IntArray, IntArray]:
     """Return pairs of egos and other entities whose boxes may be within reach, (p,) each, rising by ego."""
-    columns, slots, rows = part.columns, part.num_slots, part.rows
+    columns, slots, rows = part.columns, part.columns.num_worlds, part.rows
     slot = rows % slots
     size = np.hypot(columns.half_length, columns.half_width).reshape(-1, slots)[:, slot]
     away = np.abs(middle.reshape(-1, slots)[:, slot] - middle[rows])

@@ -42,7 +42,7 @@ def find_others(part: Part, num: int) -> FloatArray:
     Returns:
         (k, num, 9), `OTHER_FIGURES`; zeros where there are fewer.
     """
-    columns, slots, rows = part.columns, part.num_slots, part.rows
+    columns, slots, rows = part.columns, part.columns.num_worlds, part.rows
     slot = rows % slots
     middle_x, middle_y = (
         columns.x + columns.centre * np.cos(columns.yaw),

@@ -20,8 +20,6 @@ from rosbridge_sim.environments.starts import Starts
 from rosbridge_sim.environments.top_view import draw
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.roads.signal_plan import SignalPlan
-from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.world import Body, Gear, Kind
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 from tests.world.road_factory import ego, line, road
@@ -37,8 +35,7 @@ def worlds_of(*egos: dict[str, float]) -> Any:  # noqa: ANN401 - some tests want
     found = []
     for each in egos:
         world = OneOfMany()
-        world.roads = road(1000.0)
-        world.signals = Signals(SignalPlan(world.roads))
+        world.lay_roads(road(1000.0))
         world.start_scoring()
         ego(world, **({"x": 100.0, "y": 0.0} | each))
         found.append(world)

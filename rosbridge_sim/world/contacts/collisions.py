@@ -43,6 +43,7 @@ from rosbridge_sim.world.geometry.planar import (
     wrap_angle,
 )
 from rosbridge_sim.world.state.world import NO_CONTACTS, Kind, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 GRAIN: Final = 0.02
 """Distance that a corner may stray from its place because its box turns [m]: less than the thinnest post."""
@@ -106,7 +107,7 @@ class CollisionDetector:
         *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "_world_of_row", "poses"),
     )
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         n = world.n
         rows = world.alive.nonzero()[0]
         self._world = world
@@ -370,14 +371,14 @@ class CollisionDetector:
         return np.asarray(is_hit.any(axis=0))
 
 
-def remember(world: World) -> CollisionDetector:
+def remember(world: WorldRows) -> CollisionDetector:
     """Store the poses as a step begins, and return the detector that `find` wants as it ends."""
     detector = world.derived(CollisionDetector)
     detector.keep()
     return detector
 
 
-def find(world: World, detector: CollisionDetector) -> CollisionDetector:
+def find(world: WorldRows, detector: CollisionDetector) -> CollisionDetector:
     """Set `world.contacts` to the pairs that have touched since `remember`.
 
     Args:
@@ -390,11 +391,11 @@ def find(world: World, detector: CollisionDetector) -> CollisionDetector:
     now = world.derived(CollisionDetector)
     if now is not detector:  # an entity has come, gone or stopped within the step
         now.take_over(detector)
-    world.contacts = now.find()
+    world.keep_contacts(now.find())
     return now
 
 
-def keep_poses(world: World, detector: CollisionDetector) -> None:
+def keep_poses(world: WorldRows, detector: CollisionDetector) -> None:
     """Keep the poses of this step, although an impact has set entities loose since `find`.
 
     Args:
@@ -417,7 +418,7 @@ def find_touched(world: World, uid: int) -> IntArray:
     return np.array([world.row(int(other)) for other in np.sort(others)], dtype=np.int64)
 
 
-def find_crashes(world: World, most: int) -> IntArray:
+def find_crashes(world: WorldRows, most: int) -> IntArray:
     """Return the rows of the vehicles (no egos) that touched each other in the last step, in order of ids.
 
     Args:

@@ -44,6 +44,7 @@ from rosbridge_sim.world.geometry.planar import (
 from rosbridge_sim.world.state.entity_types import GRAVITY, MAX_SPEED
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import NO_CONTACTS, Dynamics, Kind, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 SLIDING_FRICTION: Final = 0.75
 """Friction of locked wheels on dry asphalt (Wong, Theory of Ground Vehicles, table 1.3)."""
@@ -65,7 +66,7 @@ _FIRST_OF_PAIR: Final = 1 << 31
 """Factor of the lower id in the number that stands for a pair: ids are below it."""
 
 
-def collide(world: World, dt: float) -> None:
+def collide(world: WorldRows, dt: float) -> None:
     """Change the motion of what has touched in this step; `collisions.find` has found it.
 
     Args:
@@ -96,7 +97,7 @@ def _collide(world: World, dt: float) -> None:
         _Crash(world, rows, (is_free, is_solid), poses, dt).make()
 
 
-def slide(world: World, dt: float) -> None:
+def slide(world: WorldRows, dt: float) -> None:
     """Move the loose rows by `dt` [s]; see the head of this file."""
     rows = (world.loose > 0.0).nonzero()[0]
     rows = rows[~world.is_ghost[rows]]
@@ -253,18 +254,18 @@ class _Crash:
             world.yaw_accel[row] += (body.rate - before[2]) / self._dt
 
 
-def _find_solid(world: World) -> BoolArray:
+def _find_solid(world: WorldRows) -> BoolArray:
     """Return which rows stop others, (n,)."""
     return np.asarray(world.alive & ~world.is_ghost & (world.kind != Kind.PEDESTRIAN))
 
 
-def _find_free(world: World) -> BoolArray:
+def _find_free(world: WorldRows) -> BoolArray:
     """Return which rows an impulse moves, (n,)."""
     is_free = (world.kind == Kind.EGO) | world.has_lane | (world.loose > 0.0)
     return np.asarray(world.alive & ~world.is_ghost & is_free)
 
 
-def _figures(world: World, rows: IntArray) -> FloatArray:
+def _figures(world: WorldRows, rows: IntArray) -> FloatArray:
     """Return the figures of vehicles by their bodies.
 
     Returns:
@@ -273,7 +274,7 @@ def _figures(world: World, rows: IntArray) -> FloatArray:
     """
     figures = np.empty((5, len(rows)))
     for i, row in enumerate(rows.tolist()):
-        body = world.bodies[row]
+        body = world.body_of(row)
         length = usual_wheelbase(body)
         to_rear = body.front_load * length
         inertia = body.mass * body.dynamic_index * to_rear * (length - to_rear)
@@ -291,7 +292,7 @@ def _codes(pairs: IntArray) -> IntArray:
     return np.asarray(pairs[:, 0] * _FIRST_OF_PAIR + pairs[:, 1])
 
 
-def _overlap(world: World, rows: IntArray, poses: FloatArray) -> BoolArray:
+def _overlap(world: WorldRows, rows: IntArray, poses: FloatArray) -> BoolArray:
     """Return which pairs of rows (m, 2) overlap in the given poses (5, n)."""
     pairs = np.ascontiguousarray(rows.T)
     yaw = poses[POSE_YAW][pairs]

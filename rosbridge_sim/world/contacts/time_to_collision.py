@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.surface import Surface
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 _Float = TypeVar("_Float", np.float32, np.float64)
 
@@ -48,7 +49,7 @@ ROUGH: Final = 0.05
 """Boxes are so much larger [m], and the horizon so much longer [s], where `_Partners` calculates roughly."""
 
 
-def find_times_to_collision(world: World, rows: IntArray) -> FloatArray:
+def find_times_to_collision(world: WorldRows, rows: IntArray) -> FloatArray:
     """Return for each row the least time to collision with any other entity.
 
     Entities above or below, such as those on a bridge, are left out.
@@ -78,7 +79,7 @@ def find_times_to_collision(world: World, rows: IntArray) -> FloatArray:
     return times
 
 
-def _move(world: World, rows: IntArray | slice) -> ComplexArray:
+def _move(world: WorldRows, rows: IntArray | slice) -> ComplexArray:
     """Return heading, middle of the box [m] and velocity [m/s] of rows (...), east + i north, (3, ...)."""
     yaw = world.yaw[rows]
     motion = np.empty((3, *yaw.shape), dtype=np.complex128)
@@ -88,7 +89,7 @@ def _move(world: World, rows: IntArray | slice) -> ComplexArray:
     return motion
 
 
-def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArray]:
+def _near(world: WorldRows, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArray]:
     """Return the pairs of which the rectangles that they reach within the horizon overlap.
 
     Args:
@@ -129,7 +130,7 @@ def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArra
     return index, pairs, motion.take(pairs, axis=1)
 
 
-def _near_in_many_worlds(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArray]:
+def _near_in_many_worlds(world: WorldRows, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArray]:
     """Return the same pairs of egos and others of their worlds, without most of those that will not meet."""
     partners = world.derived(_Partners)
     assert rows is partners.rows
@@ -155,7 +156,7 @@ class _Partners:
         others: (m, k) int64, all rows of their worlds.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         assert world.world_of_row is not None
         self.rows = world.rows(Kind.EGO)
         in_worlds = world.world_of_row.argsort(kind="stable").reshape(int(world.world_of_row[-1]) + 1, -1)
@@ -166,7 +167,7 @@ class _Partners:
         radius = np.hypot(world.half_length, world.half_width)
         self._width = (radius[self.others] + (radius[self.rows] + ROUGH)).astype(np.float32)
 
-    def may_meet(self, world: World) -> tuple[IntArray, IntArray]:
+    def may_meet(self, world: WorldRows) -> tuple[IntArray, IntArray]:
         """Return the indices into `others` of those that may touch within the horizon: of all that do, and few more."""
         if self.others.size < FEW:
             j, i = self._is_other.nonzero()
@@ -197,7 +198,7 @@ class _Partners:
         return others - figure.take(self.rows)
 
 
-def _do_meet(world: World, pairs: IntArray, motion: ComplexArray) -> BoolArray:
+def _do_meet(world: WorldRows, pairs: IntArray, motion: ComplexArray) -> BoolArray:
     """Return of which pairs (m,) the circles touch within the horizon, on a flat map at about one height.
 
     Args:
@@ -227,7 +228,7 @@ def _will_touch(apart: ComplexArray, towards: ComplexArray, width: FloatArray) -
 
 
 def _are_level(
-    world: World, pairs: IntArray, middle: ComplexArray, velocity: ComplexArray, time: FloatArray
+    world: WorldRows, pairs: IntArray, middle: ComplexArray, velocity: ComplexArray, time: FloatArray
 ) -> BoolArray:
     """Return (m,) which pairs are at one height when they touch.
 

@@ -22,7 +22,8 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.chance import bell
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 BICYCLE, MOTORCYCLE, CAR, LIGHT_GOODS, HEAVY = range(5)
 """Classes of vehicles."""
@@ -141,7 +142,7 @@ class DriverParameters:
     most_lateral: FloatArray
 
     @classmethod
-    def of(cls, world: World, rows: IntArray) -> DriverParameters:
+    def of(cls, world: WorldRows, rows: IntArray) -> DriverParameters:
         """Return the parameters of some rows that follow lanes.
 
         A driver with a desired speed that was given, as by a scenario, wants that speed, and keeps to the limit.

@@ -22,6 +22,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.settling import settle_on_lanes
 from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 MAX_LATERAL: Final = 5.0
 """Greatest offset from the line that a driver keeps [m]: more is another lane."""
@@ -135,7 +136,7 @@ def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
     world.touch()
 
 
-def _check_start(world: World, start: LaneStart) -> None:
+def _check_start(world: WorldRows, start: LaneStart) -> None:
     roads, route = world.roads, start.route
     if world.kind.item(start.row) != Kind.VEHICLE or not world.alive[start.row]:
         raise ValueError(f"row {start.row}: expected a vehicle in use, which alone can keep to a lane")
@@ -188,7 +189,7 @@ def leave_lane(world: World, row: int) -> None:
         world.touch()
 
 
-def join_lane(world: World, row: int, lane: int, s: float, *, desired_speed: float, is_loop: bool) -> None:
+def join_lane(world: WorldRows, row: int, lane: int, s: float, *, desired_speed: float, is_loop: bool) -> None:
     """Write the columns that make a row follow lanes, without checks. Its pose stays as it is.
 
     Args:
@@ -210,7 +211,7 @@ def join_lane(world: World, row: int, lane: int, s: float, *, desired_speed: flo
 
 
 def join_lanes(
-    world: World, rows: IntArray, lane: IntArray, s: FloatArray, *, desired_speed: FloatArray, is_loop: BoolArray
+    world: WorldRows, rows: IntArray, lane: IntArray, s: FloatArray, *, desired_speed: FloatArray, is_loop: BoolArray
 ) -> None:
     """Do what `join_lane` does for many rows, each once; all arguments but the world are (k,)."""
     world.has_lane[rows], world.is_loop[rows], world.desired_speed[rows] = True, is_loop, desired_speed
@@ -225,7 +226,7 @@ def join_lanes(
         world.held[rows[inside]], world.exit_lane[rows[inside]] = lane[inside], world.ahead_1[rows[inside]]
 
 
-def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:
+def set_legs(world: WorldRows, conflicts: LaneConflicts, rows: IntArray) -> None:
     """Write the straight legs that rows are on, by their lane and arc length.
 
     Args:
@@ -237,7 +238,7 @@ def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:
     world.block(*_LEGS)[:, rows] = conflicts.legs.take(point, axis=0).T
 
 
-def enter_next_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> IntArray:
+def enter_next_legs(world: WorldRows, conflicts: LaneConflicts, rows: IntArray) -> IntArray:
     """Write the legs that follow on the same lanes, for rows that are beyond the ends of theirs, in half of the time.
 
     Args:

@@ -21,7 +21,8 @@ from rosbridge_sim.world.drivers.lane_position import find_ahead, find_straights
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 MARGIN: Final = 0.1
 """Distance that the vehicle keeps to the borders of its lane if it can [m]: mirrors reach 0.1 to 0.2 m out."""
@@ -49,14 +50,14 @@ ROUNDS: Final = 2
 """Steps of the search for the place beside a corner; the second one moves it by less than a centimetre."""
 
 
-def find_long(world: World, rows: IntArray) -> IntArray:
+def find_long(world: WorldRows, rows: IntArray) -> IntArray:
     """Return which of some lane followers are long enough to swing, (m,) int64 indices; `latBias` has none of it."""
     is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
     is_one: BoolArray = is_long & (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0)
     return is_one.nonzero()[0]
 
 
-def find_swinging(world: World, rows: IntArray) -> IntArray:
+def find_swinging(world: WorldRows, rows: IntArray) -> IntArray:
     """Return which of some long vehicles are at a bend, or not yet back on the line after one, (m,) int64 indices.
 
     Vehicles that change lanes are none of them.
@@ -70,7 +71,7 @@ def find_swinging(world: World, rows: IntArray) -> IntArray:
     return is_one.nonzero()[0]
 
 
-def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: float) -> None:
+def plan_swings(world: WorldRows, rows: IntArray, distance: FloatArray, interval: float) -> None:
     """Work out the lateral motion until the next decision: `lateral_rate` and `drift_rate`.
 
     Args:
@@ -94,7 +95,7 @@ def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: fl
     world.drift_rate[rows] = np.where(distance > 0.0, -drift / interval, 0.0)
 
 
-def _find_bent(world: World, rows: IntArray, distance: FloatArray) -> IntArray:
+def _find_bent(world: WorldRows, rows: IntArray, distance: FloatArray) -> IntArray:
     """Return which vehicles will not be on a straight from tail to nose, or not within its borders, (m,) int64 indices.
 
     The others want no offset.
@@ -125,7 +126,7 @@ def _find_rooms(roads: Roads) -> FloatArray:
     return rooms
 
 
-def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
+def _offsets(world: WorldRows, rows: IntArray, distance: FloatArray) -> FloatArray:
     """Return the offsets that vehicles want some distance ahead of where they are, (k,), left positive [m]."""
     roads = world.roads
     lanes = world.int_block("behind", "ahead_5").take(rows, axis=1)

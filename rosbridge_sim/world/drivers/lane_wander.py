@@ -23,7 +23,8 @@ import numpy.typing as npt
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.chance import bell
-from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.state.world import DT, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 USUAL_WANDER: Final = 0.15
 """Standard deviation of the aim [m]. On motorways that of the position is 0.15 to 0.25 m (de Waard 1996; Verster and
@@ -91,7 +92,7 @@ class LaneWander:
         rows: (n,) int64, rows of all lane followers.
     """
 
-    def __init__(self, world: World, rows: IntArray) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray) -> None:
         self._world = world
         may = (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0)
         self.which = (may & (world.wander_width[rows] > 0.0)).nonzero()[0]

@@ -15,8 +15,8 @@ from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.turn_shares import ONE, TurnKinds
 from rosbridge_sim.world.state.chance import mix
-from rosbridge_sim.world.state.row_worlds import NO_ROUTE
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.row_motion import NO_ROUTE
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 NUM_AHEAD: Final = 5
 """Lanes that are chosen in advance. They are the columns `ahead_1` to `ahead_5` of the world."""
@@ -32,7 +32,7 @@ class RouteChoice:
         rows: (n,) int64, rows that keep to the lanes.
     """
 
-    def __init__(self, world: World, rows: IntArray) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray) -> None:
         self.world, self.rows = world, rows
         self.onward = world.roads.derived(LaneConflicts).onward
         self.neighbours = world.roads.derived(LaneNeighbours)

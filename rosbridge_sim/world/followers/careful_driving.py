@@ -15,7 +15,8 @@ import numpy as np
 from rosbridge_sim.world.geometry.neighbours import find_neighbours
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
-from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.state.world import DT, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers; it falls one frame after theirs, which spreads the load."""
@@ -46,7 +47,7 @@ PERSON_MARGIN: Final = 1.0
 """The same beside pedestrians [m]: they may step to the side."""
 
 
-def mind_the_path(world: World) -> None:
+def mind_the_path(world: WorldRows) -> None:
     """Have the vehicles decide; called on the frames of decision.
 
     Args:
@@ -60,7 +61,7 @@ def mind_the_path(world: World) -> None:
 class _Careful:
     """The vehicles on paths that stop for what is ahead. It lives until the next `World.touch`."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         self.world = world
         is_one = world.alive & (world.kind == Kind.VEHICLE) & world.has_path & (world.yields > 0) & ~world.is_ghost
         self.rows: IntArray = (is_one & (world.start_within == 0.0)).nonzero()[0]
@@ -98,7 +99,7 @@ class _Careful:
         at = (is_loop | (arc <= length)).nonzero()[0]
         owner, ahead = owner[at], ahead[at]
         arc = np.where(is_loop[at], np.fmod(arc[at], length[at]), arc[at])
-        leg = world.paths.find(world.path_bases(rows)[owner], arc).T
+        leg = world.find_legs(world.path_bases(rows)[owner], arc).T
         along = np.fmin(arc, leg[END]) - leg[START]
         x, y = leg[X] + along * leg[DX], leg[Y] + along * leg[DY]
         yaw = world.yaw[bodies]

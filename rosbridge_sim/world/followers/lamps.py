@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.planar import IntArray
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 LEFT, RIGHT, BRAKE, REVERSE = 1, 2, 4, 8
 """Bits of the lamps of a vehicle."""
@@ -22,7 +23,7 @@ BRAKE_LIGHT_DECEL: Final = 1.0
 below 0.7 and on above 1.3 m/s^2."""
 
 
-def find_lamps(world: World, rows: IntArray) -> npt.NDArray[np.uint8]:
+def find_lamps(world: WorldRows, rows: IntArray) -> npt.NDArray[np.uint8]:
     """Return the lamps that are lit, a sum of bits for each entity; 0 for what is no vehicle.
 
     Those of an ego are commanded: here its brake lights follow from its deceleration alone.

@@ -49,7 +49,8 @@ from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.state.world import DT, Dynamics, World
+from rosbridge_sim.world.state.world import DT, Dynamics
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
@@ -84,7 +85,7 @@ MAX_STRETCH: Final = 0.5
 beside the line of a bend of 7 m."""
 
 
-def drive_lanes(world: World, dt: float) -> None:
+def drive_lanes(world: WorldRows, dt: float) -> None:
     """Move all entities that follow lanes; on the frames of decision they decide first.
 
     Args:
@@ -103,7 +104,7 @@ def drive_lanes(world: World, dt: float) -> None:
         followers.egos.restore_motion(saved)
 
 
-def view_driver(world: World, row: int) -> DriverView | None:
+def view_driver(world: WorldRows, row: int) -> DriverView | None:
     """Return what an entity that follows lanes does, as it would decide now; None for any other entity.
 
     One that waits for an ego does not decide: None, too. All drivers decide for this, as copies: it takes some
@@ -178,7 +179,7 @@ class _LaneFollowers:
     count these entities; rows are rows of the world.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         self.world = world
         # One that waits for an ego is what all things that stand are: it asks for no lane and holds none.
         follows = world.has_lane & (world.start_within == 0.0)

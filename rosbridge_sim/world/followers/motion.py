@@ -33,7 +33,8 @@ from rosbridge_sim.world.geometry.bends import offset, slope
 from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.paths import DX, DY, DZ, START, X, Y, Z
-from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.state.world import DT, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 SPAN: Final = {Kind.VEHICLE: 2.0, Kind.PEDESTRIAN: 0.5, Kind.OBSTACLE: 0.5}
 """The length of line over which a direction is averaged [m]. Lanes have a point each half metre or metre, and bends of
@@ -60,7 +61,7 @@ _Points = tuple[ComplexArray, FloatArray]
 """Places [m] or directions: east + i north, and up; (k,) each."""
 
 
-def motion(world: World, rows: IntArray) -> FloatArray:
+def motion(world: WorldRows, rows: IntArray) -> FloatArray:
     """Return velocity and acceleration of rows.
 
     Args:
@@ -91,7 +92,7 @@ class _Lines:
         half: (n,) half of the span, on lanes at most [m].
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         # A pedestrian that heeds others walks beside its path, straight on between its decisions.
         is_walker = (world.kind == Kind.PEDESTRIAN) & (world.yields > 0)
         is_steered = world.is_ghost | (world.kind == Kind.EGO) | is_walker
@@ -102,7 +103,7 @@ class _Lines:
         self.half = 0.5 * np.fmin(_SPANS[world.kind], np.where(is_loop, 0.25 * world.path_length, np.inf))
 
 
-def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
+def _along(world: WorldRows, lines: _Lines, rows: IntArray) -> FloatArray:
     """Return the `motion` of rows (k,) that follow a line, (6, k)."""
     figures = np.zeros((6, len(rows)))
     speed, before = world.speed[rows], world.speed[rows] - world.accel[rows] * DT
@@ -144,7 +145,7 @@ def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
 
 
 def _bend(
-    world: World,
+    world: WorldRows,
     rows: IntArray,
     arc: FloatArray,
     half: FloatArray,
@@ -184,14 +185,14 @@ def _bend(
         direction[0][at], direction[1][at] = step[part], rise[part]
 
 
-def _on_paths(world: World, rows: IntArray, arc: FloatArray) -> _Points:
+def _on_paths(world: WorldRows, rows: IntArray, arc: FloatArray) -> _Points:
     """Return the points at arc lengths (k,) of the paths of rows (k,); beyond an end a path continues straight."""
     length = world.path_length[rows]
     arc = np.where(world.is_loop[rows], np.mod(arc, length), arc)
-    return _on_legs(world.paths.find(world.path_base[rows], np.fmin(np.fmax(arc, 0.0), length)), arc)
+    return _on_legs(world.find_legs(world.path_bases(rows), np.fmin(np.fmax(arc, 0.0), length)), arc)
 
 
-def _on_lanes(world: World, rows: IntArray, arc: FloatArray) -> _Points:
+def _on_lanes(world: WorldRows, rows: IntArray, arc: FloatArray) -> _Points:
     """Return the points at arc lengths (k,) of the lanes of rows (k,); beyond these they continue straight."""
     roads = world.roads
     lane, s = find_ahead(roads, world.int_block("lane", "ahead_5").take(rows, axis=1), arc)

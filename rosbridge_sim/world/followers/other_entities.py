@@ -14,7 +14,8 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, find_entr
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 MOVES: Final = 0.5
 """A vehicle above this speed drives through an intersection; a slower one waits in it [m/s]."""
@@ -52,7 +53,7 @@ class OtherEntities:
         is_other: (n,) bool, the rows of these.
     """
 
-    def __init__(self, world: World, is_other: BoolArray) -> None:
+    def __init__(self, world: WorldRows, is_other: BoolArray) -> None:
         self._world = world
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = (is_other & ~may_move).nonzero()[0]
@@ -97,7 +98,7 @@ class _Bodies:
         rows: (k,) int64, which do not follow lanes.
     """
 
-    def __init__(self, world: World, rows: IntArray) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray) -> None:
         self._world, self._rows = world, rows
         is_person = world.kind[rows] == Kind.PEDESTRIAN
         self._may_stand = ~is_person

@@ -24,10 +24,11 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.row_program import MovedRows, RowProgram
-from rosbridge_sim.world.state.world import BoolArray, Kind, World
+from rosbridge_sim.world.state.world import BoolArray, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 
-def follow_paths(world: World, dt: float) -> None:
+def follow_paths(world: WorldRows, dt: float) -> None:
     """Move all rows that are on a path or in constant motion.
 
     Args:
@@ -45,7 +46,7 @@ class _Moving(MovedRows):
     It lives until the next `World.touch`: until an entity comes or goes, stops or is placed.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         is_still = world.has_lane | world.is_ghost | (world.loose > 0.0) | ((world.speed == 0.0) & (world.yields == 0))
         super().__init__(world, (world.alive & (world.kind != Kind.EGO) & ~is_still).nonzero()[0])
 
@@ -83,7 +84,7 @@ class _LegChange:
     garbage collector at each `World.touch`.
     """
 
-    def __init__(self, world: World, rows: IntArray, values: FloatArray, is_past: BoolArray) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray, values: FloatArray, is_past: BoolArray) -> None:
         self.world, self.is_past = world, is_past
         _, _, _, self.speed, _, self.arc = values[:6]
         self.legs = values[6:]
@@ -105,4 +106,4 @@ class _LegChange:
             if len(at_end):
                 self.speed[at_end] = 0.0
                 self.world.touch()
-        self.legs[:, at] = self.world.paths.find(self.path_base[at], arc).T
+        self.legs[:, at] = self.world.find_legs(self.path_base[at], arc).T

@@ -20,6 +20,7 @@ from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.road_places import find_lane, place_on_lane
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 MAX_LATERAL_OFFSET: Final = 3.0
 """Self-driving starts only this near to the line of a lane [m]: on the lane, or on the next one of usual width."""
@@ -129,7 +130,7 @@ class SelfDrivingEgos:
         followers: (n,) int64, rows of all lane followers.
     """
 
-    def __init__(self, world: World, followers: IntArray) -> None:
+    def __init__(self, world: WorldRows, followers: IntArray) -> None:
         self._world = world
         self.index: IntArray = (world.kind[followers] == Kind.EGO).nonzero()[0]
         self.rows = followers[self.index]

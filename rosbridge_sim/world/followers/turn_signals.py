@@ -14,7 +14,8 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 TURN: Final = math.radians(30.0)
 """A lane of an intersection that turns by more than this is a turn. Where a road goes on, few bend as much."""
@@ -24,7 +25,7 @@ SIGNAL_WAY, SIGNAL_TIME = 30.0, 3.0
 is what the traffic acts of Korea and Japan demand, and 3 s are four blinks on faster roads."""
 
 
-def find_turn_signals(world: World, rows: IntArray) -> IntArray:
+def find_turn_signals(world: WorldRows, rows: IntArray) -> IntArray:
     """Return the turn signals of entities: 0 none, 1 left, 2 right; those of lane changes come first.
 
     Only vehicles that follow lanes have any: the lamps of an ego are commanded.

@@ -13,10 +13,11 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 
-def start(world: World) -> None:
+def start(world: WorldRows) -> None:
     """Start the waiting rows that an EGO is near enough to.
 
     Args:
@@ -33,7 +34,7 @@ class _Waiting:
     It lives until the next `World.touch`: until an entity comes or goes, stops or is placed.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         self._world = world
         self.rows: IntArray = (world.start_within > 0.0).nonzero()[0]
         self.egos = world.rows(Kind.EGO)

@@ -16,7 +16,8 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE
 from rosbridge_sim.world.lane_changes.lane_change_passing import STANDS, Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, SETTLING_TIME, LaneConflicts, foresight
-from rosbridge_sim.world.state.world import DT, World
+from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 SIGNAL_FRAMES: Final = 75
 """Frames that a driver signals before it moves over: 1.5 s, three blinks."""
@@ -122,7 +123,7 @@ class LaneLook:
 
     def __init__(  # noqa: PLR0917 - what all drivers see, and some of them
         self,
-        world: World,
+        world: WorldRows,
         rows: IntArray,
         choice: RouteChoice,
         drivers: Drivers,

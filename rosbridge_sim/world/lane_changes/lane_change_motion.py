@@ -24,7 +24,7 @@ import numpy as np
 
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 MIN_SHIFT_TIME, MAX_SHIFT_TIME = 3.0, 6.0
 """Bounds of the time that a lane change takes on a free road [s]. A width of 3.5 m then has a lateral acceleration of
@@ -98,7 +98,7 @@ def lateral_in_shift(
     return np.asarray(np.fmin(np.fmax(left, LEAST_LATERAL), parameters.lateral[which]))
 
 
-def find_shifted(world: World, rows: IntArray | slice) -> IntArray:
+def find_shifted(world: WorldRows, rows: IntArray | slice) -> IntArray:
     """Return which of some lane followers are beside the line or on their way to another offset, (k,) int64 indices."""
     state = of_rows(world.block(*_COLUMNS), rows)
     is_shifted = np.logical_or.reduce(state != 0.0) | (world.lateral_left[rows] > 0.0) | (world.lateral_to[rows] != 0.0)
@@ -117,7 +117,7 @@ def length_of_shift(length: FloatArray, across: FloatArray) -> FloatArray:
     return np.asarray(whole * np.sqrt(np.fmin(across / LANE, 1.0)))
 
 
-def length_of_tight_shift(world: World, rows: IntArray, across: FloatArray) -> FloatArray:
+def length_of_tight_shift(world: WorldRows, rows: IntArray, across: FloatArray) -> FloatArray:
     """Return the way that vehicles need to pull out from rest, with their wheels at full lock, (k,) [m].
 
     Args:
@@ -130,7 +130,7 @@ def length_of_tight_shift(world: World, rows: IntArray, across: FloatArray) -> F
     return np.asarray(np.fmax(np.sqrt(TIGHT_BEND * across * radius), least))
 
 
-def shift(world: World, rows: IntArray, target: FloatArray) -> None:
+def shift(world: WorldRows, rows: IntArray, target: FloatArray) -> None:
     """Have lane followers move to other offsets, smoothly from where they are; `lane_following` does it from now on.
 
     Args:
@@ -147,7 +147,7 @@ def shift(world: World, rows: IntArray, target: FloatArray) -> None:
     world.lateral_left[rows] = np.where(is_there, 0.0, 1.0)
 
 
-def plan_shifts(world: World, rows: IntArray, time: FloatArray, distance: FloatArray, interval: float) -> None:
+def plan_shifts(world: WorldRows, rows: IntArray, time: FloatArray, distance: FloatArray, interval: float) -> None:
     """Work out the lateral motion until the next decision: `lateral_rate` and `drift_rate`.
 
     Args:
@@ -178,7 +178,7 @@ def plan_shifts(world: World, rows: IntArray, time: FloatArray, distance: FloatA
     world.lateral_left[rows] = left - part
 
 
-def nudge(world: World, rows: IntArray, dt: float) -> None:
+def nudge(world: WorldRows, rows: IntArray, dt: float) -> None:
     """Move rows sideways by one step; their pose on the line, their yaw and their wander are those of its end already.
 
     Args:
@@ -194,7 +194,7 @@ def nudge(world: World, rows: IntArray, dt: float) -> None:
     world.y[rows] += lateral * np.cos(along)
 
 
-def _offset(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
+def _offset(world: WorldRows, rows: IntArray, p: FloatArray) -> FloatArray:
     """Return the offsets at shares p (k,) of the way, (k,) [m]."""
     start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
     square = p * p
@@ -204,7 +204,7 @@ def _offset(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
     return np.asarray(curve + world.lateral_bend[rows] * bend_way(p))
 
 
-def _slope(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
+def _slope(world: WorldRows, rows: IntArray, p: FloatArray) -> FloatArray:
     """Return the derivatives of the offsets by p, (k,) [m]."""
     start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
     square = p * p

@@ -29,7 +29,7 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
     time_of_shift,
 )
 from rosbridge_sim.world.roads.lane_change_map import LEFT
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 CLEARANCE: Final = 0.15
 """Distance to the side at which a driver passes the corner of what stands ahead [m]."""
@@ -79,7 +79,7 @@ class Shifts(Record, eq=False):
     change_time: FloatArray
 
 
-def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
+def is_clear(world: WorldRows, shifts: Shifts, speed: FloatArray) -> BoolArray:
     """Return whether vehicles are beside what is ahead in the old lane when they come to it, (k,).
 
     Args:
@@ -89,7 +89,7 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
     return np.asarray(np.isinf(find_blocked(world, shifts, speed)))
 
 
-def find_blocked(world: World, shifts: Shifts, speed: FloatArray) -> FloatArray:
+def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray) -> FloatArray:
     """Return the gaps from vehicles to the first thing in the old lane that they would touch, (k,), inf for none [m].
 
     It is the gap to the lead vehicle, or a larger one to what stands beyond it.
@@ -134,7 +134,7 @@ def find_blocked(world: World, shifts: Shifts, speed: FloatArray) -> FloatArray:
     return blocked
 
 
-def _find_edges(world: World, shifts: Shifts, which: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def _find_edges(world: WorldRows, shifts: Shifts, which: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Return what is ahead of vehicles that change lanes, in their lane, (p,) each; there may be several for a vehicle.
 
     Args:

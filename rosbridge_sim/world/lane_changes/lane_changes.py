@@ -39,7 +39,8 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME, LaneConflicts
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 LOOK_EVERY: Final = 5  # odd, so that looks fall on even and odd decisions in turn
 LOOK_PARTS: Final = 2
@@ -72,7 +73,7 @@ class LaneChanges:
         choice: of the same rows.
     """
 
-    def __init__(self, world: World, rows: IntArray, choice: RouteChoice) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray, choice: RouteChoice) -> None:
         self.world, self.rows, self.choice = world, rows, choice
         self.roads = world.roads
         self.neighbours = world.roads.derived(LaneNeighbours)

@@ -2,7 +2,7 @@
 
 A step costs some hundred numpy calls, whatever the number of rows; so the rows of many worlds cost little more than
 those of one. A `Batch` is what a step takes for a world. Its rows are those of all its worlds, and it answers for each
-row which frame, which chance, which lanes and which lights it has (`RowWorlds`). There is one step, and one set of
+row which frame, which chance, which lanes and which lights it has (`WorldRows`). There is one step, and one set of
 equations.
 
 *Equal to the bit.* World w of a batch is equal to the same world alone. All figures of a row depend on rows of its own
@@ -21,7 +21,7 @@ modulo `PHASES`. `WorldSet` puts worlds into the batches that they belong to.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Final, TypeVar, cast
+from typing import Final, Self, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -29,14 +29,14 @@ import numpy.typing as npt
 from rosbridge_sim.world.contacts.collisions import CollisionDetector
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.many_worlds.many_roads import ManyPaths, ManyRoads, ManySignals
-from rosbridge_sim.world.roads.paths import Paths
-from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.roads.paths import Paths, Segments
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.chance import salt_of_seeds
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.entity_types import Body, Kind
-from rosbridge_sim.world.state.row_worlds import NO_ROUTE
-from rosbridge_sim.world.state.world import MAX_UID, NO_CONTACTS, World
+from rosbridge_sim.world.state.row_motion import NO_ROUTE
+from rosbridge_sim.world.state.world import MAX_UID, World
+from rosbridge_sim.world.state.world_rows import NO_CONTACTS, WorldRows
 from rosbridge_sim.world.step import step
 
 MAX_ROWS: Final = 128
@@ -66,34 +66,7 @@ class OneOfMany(World):
     slot = -1
     has_changed = True
     num_changes = 0
-    _own_frame = 0
-    _own_contacts = NO_CONTACTS
     _seen_touches = -1
-
-    @property
-    def frame(self) -> int:
-        """Steps done since the last reset."""
-        return self._own_frame if self.batch is None else int(self.batch.world_frames[self.slot])
-
-    @frame.setter
-    def frame(self, value: int) -> None:
-        self.has_changed = True
-        if self.batch is None:
-            self._own_frame = value
-        else:
-            self.batch.world_frames[self.slot] = value
-
-    @property
-    def contacts(self) -> IntArray:
-        """Ids of the pairs that touched during the last step, (m, 2) int64."""
-        return self._own_contacts if self.batch is None else self.batch.contacts_of(self.slot)
-
-    @contacts.setter
-    def contacts(self, pairs: IntArray) -> None:
-        if self.batch is None:
-            self._own_contacts = pairs
-        else:
-            self.batch.set_contacts(self.slot, pairs)
 
     @property
     def signals(self) -> Signals:
@@ -102,12 +75,6 @@ class OneOfMany(World):
             self._signals.advance(self.frame)
             self.batch.many_signals.forget(self.slot)  # the caller may change them
         return self._signals
-
-    @signals.setter
-    def signals(self, signals: Signals) -> None:
-        self._signals = signals
-        if self.batch is not None:
-            self.batch.many_signals.forget(self.slot)
 
     @property
     def lights(self) -> Signals:
@@ -119,11 +86,6 @@ class OneOfMany(World):
     def lights_before(self) -> Signals:
         """The traffic lights, perhaps as they were at an earlier frame; read only."""
         return self._signals
-
-    @property
-    def plan(self) -> SignalPlan:
-        """The plan of the lights."""
-        return self._signals.plan
 
     def touch(self) -> None:
         """Drop what was derived from the arrays."""
@@ -137,7 +99,7 @@ class OneOfMany(World):
         super().start_scoring()
         self.has_changed = True
 
-    def derived(self, make: Callable[[World], T]) -> T:
+    def derived(self, make: Callable[[Self], T]) -> T:
         """Return `make(world)`, made once and kept until the next `touch` of this world, or of any in the batch."""
         batch = self.batch
         if batch is not None:
@@ -150,12 +112,11 @@ class OneOfMany(World):
 
     def move_to(self, batch: Batch | None, slot: int) -> None:
         """Move the columns into a batch, or out of it."""
-        old = self.batch
-        frame, contacts, n = self.frame, self.contacts, self.n
+        old, n = self.batch, self.n
         saved = self._floats[:, :n].copy(), self._ints[:, :n].copy(), self._bools[:, :n].copy()
         names, bodies = self.names, self.bodies
         if old is not None:
-            self._signals.advance(frame)
+            self._signals.advance(self.frame)
             old.leave(self.slot)
         self.batch, self.slot = batch, slot
         if batch is None:
@@ -166,7 +127,6 @@ class OneOfMany(World):
         self._floats[:, :n], self._ints[:, :n], self._bools[:, :n] = saved
         self.names, self.bodies = names, bodies
         self._bind(n)
-        self.frame, self.contacts = frame, contacts
         self.touch()
 
     def bind_columns(self) -> None:
@@ -198,8 +158,11 @@ class OneOfMany(World):
             self.batch.has_new_rows = True
 
 
-class Batch(World):
-    """The rows of many worlds, as a step takes a world. Entities come and go through the worlds.
+class Batch(WorldRows):
+    """The rows of many worlds, as a step takes those of one. Entities come and go through the worlds.
+
+    Between steps the worlds have their frames, contacts and lights, and a batch reads them with `look_at`. Its own
+    `frame` is that of all worlds modulo `PHASES`, and `contacts` has the numbers of `ids`.
 
     Attributes:
         worlds: the worlds by slot; None for a free one.
@@ -214,25 +177,24 @@ class Batch(World):
     """
 
     def __init__(self, like: OneOfMany, num: int) -> None:
-        self.names = []
-        self.bodies = _Bodies(self)  # type: ignore[assignment]  # read by row alone
-        self._derived = {}
-        self.placed_uids = set()
-        self.seed, self.passing, self.routes = 0, NO_CONTACTS, {}
-        self.dynamics, self.is_creeping = like.dynamics, like.is_creeping
-        self.has_stability_control, self.has_impacts = like.has_stability_control, like.has_impacts
-        self.is_scoring, self.turn_shares = like.is_scoring, like.turn_shares
-        self.friction_share = like.friction_share
-        self.map_roads, self.map_plan = like.roads, like.signals.plan
+        super().__init__(
+            like.dynamics,
+            is_creeping=like.is_creeping,
+            has_stability_control=like.has_stability_control,
+            has_impacts=like.has_impacts,
+            turn_shares=like.turn_shares,
+        )
+        self.is_scoring, self.friction_share = like.is_scoring, like.friction_share
+        self.frame = like.frame % PHASES
+        self.map_roads, self.map_plan = like.roads, like.plan
         self.num_touches = 0
         self.has_new_rows = True
         self.worlds: list[OneOfMany | None] = []
         self.world_frames: IntArray = np.zeros(0, dtype=np.int64)
         self.blocks: tuple[FloatArray, IntArray, BoolArray] = _blocks(0, 0)
-        self._joint: IntArray = NO_CONTACTS
-        self._told: dict[int, IntArray] = {}
-        self._phase = like.frame % PHASES
         self._paths: ManyPaths | None = None
+        self._touched: list[int] = []  # slots of the worlds in `contacts`
+        self._has_all_contacts = True
         self._lay_out(like.n, num)
 
     # -- its worlds
@@ -243,17 +205,23 @@ class Batch(World):
             self._lay_out(self.blocks[0].shape[1], 2 * len(self.worlds))
         slot = self.worlds.index(None)
         self.worlds[slot] = world
-        self.many_signals.forget(slot)  # a step has seen the slot without lights
         world.move_to(self, slot)
+        self.look_at(world)
 
     def leave(self, slot: int) -> None:
         """Free a slot; its world has copied its columns."""
         self.worlds[slot] = None
         for block in self.blocks:
             block[:, :, slot] = 0
-        self.set_contacts(slot, NO_CONTACTS)
+        self._has_all_contacts = False
         self.many_signals.forget(slot)
         self.touch()
+
+    def look_at(self, world: OneOfMany) -> None:
+        """Take frame, contacts and lights of a world, which has come or changed."""
+        self.world_frames[world.slot] = world.frame
+        self._has_all_contacts = False
+        self.many_signals.forget(world.slot)
 
     def need_rows(self, num: int) -> None:
         """Have room for so many rows in each world."""
@@ -270,13 +238,14 @@ class Batch(World):
         self._floats, self._ints = floats.reshape(len(FLOATS), -1), ints.reshape(len(INTS), -1)
         self._bools = bools.reshape(len(BOOLS), -1)
         if num_slots != len(self.worlds):
-            frames = np.full(num_slots, self._phase, dtype=np.int64)
+            frames = np.full(num_slots, self.frame, dtype=np.int64)
             frames[: len(self.world_frames)] = self.world_frames
             self.world_frames = frames
             self.worlds += [None] * (num_slots - len(self.worlds))
             self.roads = ManyRoads(self.map_roads, num_slots)
             self.many_signals = ManySignals(self.map_plan, num_slots, self._signals_of, frames)
-            self.signals = self.many_signals
+            self._signals = self.many_signals
+            self.num_worlds = num_slots
         for world in self.worlds:
             if world is not None:
                 world.bind_columns()
@@ -292,12 +261,17 @@ class Batch(World):
     def advance(self, num_frames: int) -> None:
         """Move all worlds by so many frames."""
         self.bind_rows()
+        if not self._has_all_contacts:
+            self._join_contacts()
         self._number_lanes(1)
         try:
             for _ in range(num_frames):
                 step(self)
         finally:
             self._number_lanes(-1)
+            for world, frame in zip(self.worlds, self.world_frames.tolist(), strict=True):
+                if world is not None:
+                    world.frame = frame
 
     def bind_rows(self) -> None:
         """Have as many rows as its largest world, if that has changed."""
@@ -317,21 +291,13 @@ class Batch(World):
             lanes += offset * (lanes >= 0)
 
     def _bind(self, n: int) -> None:
-        self.n = n
-        for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
-            for i, column in enumerate(columns):
-                setattr(self, column, block[i, :n])
-        self.world_of_row = np.arange(n) % max(len(self.worlds), 1)
+        super()._bind(n)
+        self.world_of_row = np.arange(n) % self.num_worlds
 
-    @property
-    def frame(self) -> int:
-        """The frame of all worlds, modulo `PHASES`."""
-        return self._phase
-
-    @frame.setter
-    def frame(self, value: int) -> None:
-        self.world_frames += value - self._phase
-        self._phase = value % PHASES
+    def count_frame(self) -> None:
+        """Count the step that has been made, in all worlds."""
+        self.world_frames += 1
+        self.frame = (self.frame + 1) % PHASES
 
     def touch(self) -> None:
         """Drop what was derived from the arrays."""
@@ -381,22 +347,26 @@ class Batch(World):
 
     def most_of_world(self, values: FloatArray, rows: IntArray, others: IntArray) -> float | FloatArray:
         """Return for each other row, (m,), the greatest of the values (k,) of rows in its world, at least 0."""
-        most = np.zeros(len(self.worlds))
+        most = np.zeros(self.num_worlds)
         np.maximum.at(most, self._worlds(rows), values)
         return most[self._worlds(others)]
 
-    @property
-    def paths(self) -> Paths:  # type: ignore[override]
-        """The paths of all worlds; read only."""
+    def path_bases(self, rows: IntArray) -> IntArray:
+        """Return for the paths of rows, (k,) int64, what `find_legs` takes."""
+        return self.path_base[rows] + self._all_paths().first_key[self._worlds(rows)]
+
+    def find_legs(self, bases: IntArray, arc: FloatArray) -> Segments:
+        """Return the legs at arc lengths of paths; see `Paths.find`."""
+        return self._all_paths().find(bases, arc)
+
+    def _all_paths(self) -> ManyPaths:
         if self._paths is None:
             self._paths = ManyPaths([_NO_PATHS if world is None else world.paths for world in self.worlds])
         return self._paths
 
-    def path_bases(self, rows: IntArray) -> IntArray:
-        """Return the bases of the paths of rows in `paths`, (k,) int64."""
-        paths = self.paths
-        assert isinstance(paths, ManyPaths)
-        return self.path_base[rows] + paths.first_key[self._worlds(rows)]
+    def body_of(self, row: int) -> Body:
+        """Return the body of the entity in a row."""
+        return self.world_with(row).bodies[row // self.num_worlds]
 
     def rows(self, kind: Kind) -> IntArray:
         """Return the rows of a kind, (k,) int64, rising; do not write into the array."""
@@ -404,57 +374,45 @@ class Batch(World):
 
     def world_with(self, row: int) -> World:
         """Return the world that a row belongs to."""
-        world = self.worlds[row % len(self.worlds)]
+        world = self.worlds[row % self.num_worlds]
         assert world is not None
         return world
 
     def struck(self) -> Iterator[World]:
         """Yield the worlds in which pairs touch, touched, or were placed since the last step."""
-        touched = set((self.contacts[:, 0] >> _WORLD_BITS).tolist())
-        for slot, world in enumerate(self.worlds):
-            if world is not None and (slot in touched or len(world.passing) or world.placed_uids):
+        for world in self.worlds:
+            if world is not None and (len(world.contacts) or len(world.passing) or world.placed_uids):
                 yield world
 
     def _worlds(self, rows: IntArray) -> IntArray:
-        return rows % len(self.worlds)
+        return rows % self.num_worlds
 
     # -- contacts
 
-    @property
-    def contacts(self) -> IntArray:
-        """The pairs that touched during the last step, (m, 2) int64, by the numbers of `ids`, in rising order."""
-        if self._told:
-            world = self._joint[:, 0] >> _WORLD_BITS
-            parts = [self._joint[~np.isin(world, list(self._told))]]
-            parts += [pairs + (slot << _WORLD_BITS) for slot, pairs in self._told.items()]
-            joint = np.concatenate(parts)
-            self._joint = joint[np.lexsort((joint[:, 1], joint[:, 0]))]
-            self._told = {}
-        return self._joint
+    def keep_contacts(self, pairs: IntArray) -> None:
+        """Keep the pairs that touched in this step, and give each world its own."""
+        self.contacts = pairs
+        for slot in self._touched:
+            self.world_with(slot).contacts = NO_CONTACTS
+        self._touched = []
+        if len(pairs):
+            slots, first = np.unique(pairs[:, 0] >> _WORLD_BITS, return_index=True)
+            self._touched = slots.tolist()
+            for slot, part in zip(self._touched, np.split(pairs & MAX_UID, first[1:]), strict=True):
+                self.world_with(slot).contacts = part
 
-    @contacts.setter
-    def contacts(self, pairs: IntArray) -> None:
-        self._joint, self._told = pairs, {}
-
-    def contacts_of(self, slot: int) -> IntArray:
-        """Return the contacts of one world, by its own ids."""
-        if slot in self._told:
-            return self._told[slot]
-        joint = self._joint
-        if not len(joint):
-            return NO_CONTACTS
-        return np.asarray(joint[joint[:, 0] >> _WORLD_BITS == slot] & MAX_UID)
-
-    def set_contacts(self, slot: int, pairs: IntArray) -> None:
-        """Replace the contacts of one world."""
-        if len(pairs) or len(self._joint):
-            self._told[slot] = pairs
+    def _join_contacts(self) -> None:
+        """Take the contacts of all worlds."""
+        of_slots = enumerate(NO_CONTACTS if world is None else world.contacts for world in self.worlds)
+        parts = {slot: pairs + (slot << _WORLD_BITS) for slot, pairs in of_slots if len(pairs)}
+        self.contacts, self._touched = np.concatenate([NO_CONTACTS, *parts.values()]), list(parts)
+        self._has_all_contacts = True
 
     def detector_of(self, slot: int) -> _Poses:
         """Return the poses of one world as the last step began and as it ended; others may have more rows."""
         world = self.worlds[slot]
         assert world is not None
-        return _Poses(self.derived(CollisionDetector).poses[:, :, slot :: len(self.worlds)][..., : world.n])
+        return _Poses(self.derived(CollisionDetector).poses[:, :, slot :: self.num_worlds][..., : world.n])
 
 
 class _Poses:
@@ -466,20 +424,8 @@ class _Poses:
         self.poses = poses
 
 
-class _Bodies:
-    """The bodies of a batch, by row."""
-
-    __slots__ = ("_batch",)
-
-    def __init__(self, batch: Batch) -> None:
-        self._batch = batch
-
-    def __getitem__(self, row: int) -> Body:
-        return self._batch.world_with(row).bodies[row // len(self._batch.worlds)]
-
-
-def _rows_by_kind(world: World) -> dict[Kind, IntArray]:
-    return {kind: (world.alive & (world.kind == kind)).nonzero()[0] for kind in Kind}
+def _rows_by_kind(rows: WorldRows) -> dict[Kind, IntArray]:
+    return {kind: (rows.alive & (rows.kind == kind)).nonzero()[0] for kind in Kind}
 
 
 _NO_PATHS: Final = Paths()

@@ -9,7 +9,7 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.many_worlds.batch import MAX_ROWS, PHASES, Batch, OneOfMany
 from rosbridge_sim.world.many_worlds.many_roads import most_worlds
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.world.step import step
 
 
@@ -41,11 +41,11 @@ class WorldSet:
             for _ in range(num_frames):
                 step(world)
 
-    def worlds_with(self, test: Callable[[World], BoolArray]) -> set[OneOfMany]:
+    def worlds_with(self, test: Callable[[WorldRows], BoolArray]) -> set[OneOfMany]:
         """Return the worlds in which a test of all rows, (n,), is true for one of them."""
         found = {world for world in self._alone if test(world).any()}
         for batch in self._batches:
-            slots = np.unique(test(batch).nonzero()[0] % len(batch.worlds)).tolist()
+            slots = np.unique(test(batch).nonzero()[0] % batch.num_worlds).tolist()
             found.update(world for slot in slots if (world := batch.worlds[slot]) is not None)
         return found
 
@@ -68,6 +68,8 @@ class WorldSet:
                     world.move_to(None, -1)
             elif world.batch is None or key != _key_of(world.batch):
                 wanted.setdefault(key, []).append(world)
+            else:
+                world.batch.look_at(world)
         for key, worlds in wanted.items():
             for world in worlds:
                 if world.batch is not None:
@@ -83,8 +85,8 @@ class WorldSet:
         most = most_worlds(worlds[0].roads)
         left = list(worlds)
         for batch in [each for each in self._batches if _key_of(each) == key]:
-            can_double = 2 * len(batch.worlds) <= most
-            room = batch.worlds.count(None) + can_double * len(batch.worlds)
+            can_double = 2 * batch.num_worlds <= most
+            room = batch.worlds.count(None) + can_double * batch.num_worlds
             for world in left[:room]:
                 batch.add(world)
             left = left[room:]
@@ -96,7 +98,7 @@ class WorldSet:
             left = left[most:]
 
 
-def _key_of(world: World) -> Hashable:
+def _key_of(world: WorldRows) -> Hashable:
     """Return what must be equal for worlds of one batch, of such a world or of the batch."""
     return (
         *(world.roads.alone.digest, world.plan.digest, world.frame % PHASES, world.dynamics, world.is_creeping),

@@ -26,7 +26,8 @@ from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatAr
 from rosbridge_sim.world.people.known_crossings import FARTHEST, KnownCrossings
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.roads.signal_plan import Lamp
-from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.state.world import DT, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers, and two frames after theirs, to spread the load."""
@@ -135,7 +136,7 @@ STANDS: Final = 0.05
 """A lower speed counts as standing [m/s]: the heading then stays."""
 
 
-def walk(world: World) -> None:
+def walk(world: WorldRows) -> None:
     """Have the pedestrians that heed others decide; called on the frames of decision.
 
     Args:
@@ -146,7 +147,7 @@ def walk(world: World) -> None:
         people.decide()
 
 
-def find_ways_over(world: World) -> tuple[FloatArray, ComplexArray]:
+def find_ways_over(world: WorldRows) -> tuple[FloatArray, ComplexArray]:
     """Return how those who cross will go on, for each row.
 
     Their present heading says little: they turn into a crossing from the pavement, and walk around each other.
@@ -182,7 +183,7 @@ class _People:
     It lives until the next `World.touch`. All arrays but those of vehicles are (k,), one entry for each of them.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         self.world = world
         is_walker = world.alive & (world.kind == Kind.PEDESTRIAN) & ~world.is_ghost
         self.rows: IntArray = (is_walker & world.has_path & (world.yields > 0)).nonzero()[0]
@@ -298,7 +299,7 @@ class _People:
         Returns:
             (m, k) each.
         """
-        leg = self.world.paths.find(self.base, arc).transpose(2, 0, 1)
+        leg = self.world.find_legs(self.base, arc).transpose(2, 0, 1)
         start, course_x, course_y = leg[START], leg[DX], leg[DY]
         length, east, north = leg[END] - start, x - leg[X], y - leg[Y]
         along = east * course_x + north * course_y
@@ -320,7 +321,7 @@ class _People:
         The places are to the right of the paths.
         """
         ahead = self._ahead(arc, LOOK_AHEAD)
-        leg, here = self.world.paths.find(self.base, np.array([ahead, arc])).transpose(0, 2, 1)
+        leg, here = self.world.find_legs(self.base, np.array([ahead, arc])).transpose(0, 2, 1)
         along = ahead - leg[START]
         goal = leg[X] + along * leg[DX] + 1j * (leg[Y] + along * leg[DY])
         return goal + self.side * (leg[DY] - 1j * leg[DX]), here[DX] + 1j * here[DY]

@@ -13,7 +13,8 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.control_columns import update_all_control_columns, update_control_columns
 from rosbridge_sim.world.state.placement import set_ghost
-from rosbridge_sim.world.state.world import MAX_SPEED, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world import MAX_SPEED, Gear, Kind, Mode
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 MAX_COMMAND_ACCEL: Final = 100.0
 """Commanded accelerations are clipped at this [m/s^2]: beyond any brake, and it keeps the controller's sums finite."""
@@ -23,7 +24,7 @@ STANDSTILL: Final = 0.1
 
 
 def command(
-    world: World,
+    world: WorldRows,
     row: int,
     *,
     mode: Mode,
@@ -73,7 +74,7 @@ def command(
         raise ValueError(f"mode: expected 1 (pedals), 2 (speed) or 3 (acceleration), got {mode!r}")
     limit = world.max_steer.item(row)
     world.steer_cmd[row] = min(max(steer, -limit), limit)
-    limit = world.bodies[row].max_rear_steer
+    limit = world.body_of(row).max_rear_steer
     world.rear_steer_cmd[row] = min(max(rear_steer, -limit), limit)
     if not is_held:
         world.mode[row] = mode
@@ -84,7 +85,7 @@ def command(
 
 
 def command_all(
-    world: World,
+    world: WorldRows,
     rows: IntArray,
     *,
     mode: Mode,
@@ -137,7 +138,7 @@ def command_all(
         world.touch()
 
 
-def shift(world: World, row: int, gear: Gear) -> bool:
+def shift(world: WorldRows, row: int, gear: Gear) -> bool:
     """Change the gear of a driven row.
 
     Args:
@@ -180,7 +181,7 @@ def speed_in_gear(speed: float, gear: Gear) -> float:
     return speed
 
 
-def turn_wheels(world: World, row: int, steer: float) -> None:
+def turn_wheels(world: WorldRows, row: int, steer: float) -> None:
     """Set the angle of the front wheels of a driven row at once; it stays until the next command.
 
     Args:
@@ -198,7 +199,7 @@ def turn_wheels(world: World, row: int, steer: float) -> None:
     world.steer[row] = world.steer_cmd[row] = min(max(steer, -limit), limit)
 
 
-def release(world: World, row: int) -> None:
+def release(world: WorldRows, row: int) -> None:
     """Cancel the command of a driven row: no pedal is pressed, and the wheels stand straight at once.
 
     Gear, place and speed stay. Until the next command it rolls on in pedals mode. A ghost stops being one.
@@ -216,7 +217,7 @@ def release(world: World, row: int) -> None:
     world.steer[row] = world.rear_steer[row] = 0.0
 
 
-def _is_driven(world: World, row: int) -> bool:
+def _is_driven(world: WorldRows, row: int) -> bool:
     # `item`, here and in all that a command does: comparing numpy's scalars with an enum costs microseconds.
     return bool(world.kind.item(row) == Kind.EGO and world.alive.item(row))
 

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.state.entity_types import Body
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -28,9 +27,6 @@ system gives memory page by page as rows come into use. A larger copy at each gr
 system must find 27 MB first, that takes 60 ms. The number is no multiple of a page, or columns would share cache
 lines."""
 
-NO_BODY: Final = Body()
-"""The body of a free row."""
-
 
 class EntityArrays:
     """Arrays of equal length with one entry for each entity.
@@ -40,7 +36,6 @@ class EntityArrays:
 
     Attributes:
         n: number of rows, those of removed entities included.
-        names, bodies: lists of length n.
 
         alive: bool, the row is in use.
         uid: int64, id of the entity, unique and not given again until `reset`.
@@ -339,8 +334,6 @@ class EntityArrays:
     is_over_right: BoolArray
 
     def __init__(self) -> None:
-        self.names: list[str] = []
-        self.bodies: list[Body] = []
         self._allocate(0)
 
     def block(self, first: str, last: str) -> FloatArray:
@@ -353,7 +346,6 @@ class EntityArrays:
 
     def _allocate(self, n: int) -> None:
         """Take new blocks, with n free rows."""
-        self.names, self.bodies = [], []
         self._floats, self._ints, self._bools = _blocks(n)
         self._bind(n)
 
@@ -367,8 +359,6 @@ class EntityArrays:
     def _bind(self, n: int) -> None:
         """Set the number of rows, and renew the named views."""
         self.n = n
-        self.names[n:] = [""] * (n - len(self.names))
-        self.bodies[n:] = [NO_BODY] * (n - len(self.bodies))
         for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
             for i, column in enumerate(columns):
                 setattr(self, column, block[i, :n])

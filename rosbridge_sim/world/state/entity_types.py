@@ -181,3 +181,7 @@ class Body:
     def centre(self) -> float:
         """Distance from the reference point forward to the centre of the box [m]."""
         return self.length / 2 - self.rear_overhang
+
+
+NO_BODY: Final = Body()
+"""The body of a free row."""

@@ -14,6 +14,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.labels import check_pose
 from rosbridge_sim.world.state.settling import settle
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Dynamics, Kind, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 _TILTS: Final = {"roll": "ground_roll", "pitch": "ground_pitch"}
 
@@ -173,7 +174,7 @@ def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: Fl
         world.touch()
 
 
-def set_ghost(world: World, row: int, *, is_ghost: bool) -> None:
+def set_ghost(world: WorldRows, row: int, *, is_ghost: bool) -> None:
     """Mark a row as a ghost or as none.
 
     Args:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,9 +14,9 @@ from rosbridge_sim.world.state.entity_arrays import (
     LANE_CHANGE_CODES,
     LANE_CHANGE_COLUMNS,
     LEG_COLUMNS,
-    EntityArrays,
 )
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 _SURELY_WRAPPED: Final = 3.14
 """Angles within this are certainly wrapped, however the last place of pi is rounded [rad]."""
@@ -31,31 +31,30 @@ _LANE_COLUMNS: Final = (
     "keeps_lane",
 )
 
+NO_ROUTE: IntArray = np.empty(0, dtype=np.int64)
+NO_ROUTE.flags.writeable = False
 
-class RowMotion(EntityArrays):
-    """The columns of all entities, and the functions that change what moves a row.
+
+class RowMotion(WorldRows):
+    """The rows of one world, and the functions that change what moves a row.
 
     Attributes:
         paths: the paths of the entities that follow one, by id.
         routes: (k,) int64 rows of lanes for each lane follower that has a route, by id.
-        is_scoring: steps keep the scores of all egos; see `World.start_scoring`.
-        friction_share: friction of the ground, relative to a dry one; see `World.set_friction_share`.
-        has_impacts: collisions change motion; see `impacts`.
         placed_uids: ids of what was placed since the last step, while `has_impacts`.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.paths = Paths()
-        self.routes: dict[int, IntArray] = {}
-        self.is_scoring = self.has_impacts = False
-        self.friction_share = 1.0
-        self.placed_uids: set[int] = set()
-        self._derived: dict[object, Any] = {}
+    paths: Paths
+    routes: dict[int, IntArray]
+    placed_uids: set[int]
 
-    def touch(self) -> None:
-        """Drop what was derived from the arrays: an entity has come or gone, stopped or started, or been placed."""
-        self._derived.clear()
+    def routes_of(self, rows: IntArray) -> list[IntArray]:
+        """Return the routes of rows, in rows of the lanes of `roads`; an empty list if no entity has one."""
+        return [self.routes.get(uid, NO_ROUTE) for uid in self.uid[rows].tolist()] if self.routes else []
+
+    def find_legs(self, bases: IntArray, arc: FloatArray) -> Segments:
+        """Return the legs at arc lengths of paths; see `Paths.find`."""
+        return self.paths.find(bases, arc)
 
     def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
         """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 
 class MovedRows:
@@ -34,7 +34,7 @@ class MovedRows:
 
     program: RowProgram
 
-    def __init__(self, world: World, rows: IntArray) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray) -> None:
         self.world, self.rows, self.num = world, rows, len(rows)
         self.dt = 0.0
 
@@ -64,7 +64,7 @@ class RowProgram:
 
     __slots__ = ("_calls", "_write_back", "num", "rows", "values")
 
-    def __init__(self, world: World, rows: IntArray, first: str, last: str, *, written_from: str) -> None:
+    def __init__(self, world: WorldRows, rows: IntArray, first: str, last: str, *, written_from: str) -> None:
         """Choose rows and columns.
 
         Args:

@@ -21,7 +21,7 @@ from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray, IntArr
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.state.entity_types import Dynamics, Kind
 from rosbridge_sim.world.state.settling import settle_on, settle_on_lanes
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 SPAN: Final = 2.0
 """The length of ground over which an ego's slope is averaged [m], as `motion.SPAN` has it for vehicles on lanes."""
@@ -30,7 +30,7 @@ STILL: Final = 1e-9
 """Below this speed a row has no direction of motion [m/s]."""
 
 
-def stand(world: World, before: FloatArray, dt: float) -> None:
+def stand(world: WorldRows, before: FloatArray, dt: float) -> None:
     """Put all rows that have moved within a step onto the ground.
 
     Args:
@@ -74,7 +74,7 @@ def stand(world: World, before: FloatArray, dt: float) -> None:
     world.roll_rate[egos] += (world.ground_roll[egos] - roll) / dt
 
 
-def _look_along(world: World, egos: IntArray, before: FloatArray, dt: float) -> tuple[FloatArray, ComplexArray]:
+def _look_along(world: WorldRows, egos: IntArray, before: FloatArray, dt: float) -> tuple[FloatArray, ComplexArray]:
     """Return speeds now and before, (2, k) [m/s], and the places half a span ahead and behind, (2, 2, k) [m].
 
     Args:
@@ -105,7 +105,7 @@ class _Standing:
         searched: (m,) int64, all other rows that may move.
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         is_ego = world.kind == Kind.EGO
         on_ground = world.alive & ~world.is_ghost
         is_follower = world.has_lane & ~is_ego

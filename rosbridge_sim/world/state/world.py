@@ -11,21 +11,22 @@ vehicle is the middle of its rear axle on the ground, that of a pedestrian or an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple
 from hashlib import blake2b
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.roads.paths import lay_segments
+from rosbridge_sim.world.roads.paths import Paths, lay_segments
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state import labels
+from rosbridge_sim.world.state.chance import salt_of
 from rosbridge_sim.world.state.control_columns import fill_body_columns, update_control_columns
 from rosbridge_sim.world.state.entity_arrays import (
     BOOLS,
@@ -34,13 +35,14 @@ from rosbridge_sim.world.state.entity_arrays import (
     KINEMATIC_CORE,
     LANE_CHANGE_CODES,
     LANE_CHANGE_COLUMNS,
-    NO_BODY,
     NUM_CORE,
     BoolArray,
 )
+from rosbridge_sim.world.state.entity_rows import MAX_UID, EntityRows
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
     MAX_SPEED,
+    NO_BODY,
     ROAD_FRICTION,
     Body,
     Dynamics,
@@ -48,9 +50,9 @@ from rosbridge_sim.world.state.entity_types import (
     Kind,
     Mode,
 )
-from rosbridge_sim.world.state.row_worlds import RowWorlds
 from rosbridge_sim.world.state.settling import keep_level, settle
 from rosbridge_sim.world.state.snapshot import Snapshot
+from rosbridge_sim.world.state.world_rows import NO_CONTACTS
 
 __all__ = [
     "DT",
@@ -75,15 +77,9 @@ DT: Final = 0.02
 STEP_NS: Final = 20_000_000
 """Length of a step [ns]."""
 
-MAX_UID: Final = 2**31 - 1
-"""The greatest id: messages carry ids as int32."""
-
 FIRST_UID: Final = 1
 """The first id that is given out; 0 is left to the first ego, whose id is fixed."""
 
-T = TypeVar("T")
-
-NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 NO_ROADS: Final = Roads()
 NO_PLAN: Final = SignalPlan(NO_ROADS)
 
@@ -100,7 +96,7 @@ _KEPT: Final = (
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 
 
-class World(RowWorlds):
+class World(EntityRows):
     """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
 
     An entity stays in its row as long as it exists; afterwards another one may get the row. Every attribute may be
@@ -108,25 +104,17 @@ class World(RowWorlds):
     columns follow from others.
 
     Attributes:
-        roads: the lanes; see `lay_roads`.
-        signals: the traffic lights at this frame.
-        contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
-        dynamics: the model that moves all egos.
-        is_creeping: egos under the control of pedals creep in D and R, and roll on slopes; for SINGLE_TRACK only.
-        has_stability_control: of all egos; for SINGLE_TRACK only, see `stability`.
+        seed: of all chance in the world; see `chance`.
         passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
             `has_impacts` it is empty.
-        turn_shares: how often drivers without a route turn; with None all lanes that follow are equally likely.
-        on_heap: called when entities lie on top of one another, so that a part of their pairs is judged alone
-            (`near_pairs`); None for nothing.
 
     Args:
         seed: not negative.
-        dynamics, is_creeping, has_stability_control, turn_shares: see above.
-        has_impacts: see `RowMotion`.
+        dynamics, is_creeping, has_stability_control, has_impacts, turn_shares: see `WorldRows`.
     """
 
-    on_heap: Callable[[], object] | None = None
+    seed: int
+    passing: IntArray
 
     def __init__(
         self,
@@ -138,16 +126,16 @@ class World(RowWorlds):
         has_impacts: bool = False,
         turn_shares: TurnShares | None = None,
     ) -> None:
-        super().__init__()
-        self.seed = seed
-        self.dynamics, self.is_creeping = dynamics, is_creeping
-        self.has_stability_control = has_stability_control
-        self.has_impacts, self.passing = has_impacts, NO_CONTACTS
-        self.turn_shares = turn_shares
-        self.contacts = NO_CONTACTS
-        self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
-        self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
-        self.reset()
+        super().__init__(
+            dynamics,
+            is_creeping=is_creeping,
+            has_stability_control=has_stability_control,
+            has_impacts=has_impacts,
+            turn_shares=turn_shares,
+        )
+        self.roads, self._signals = NO_ROADS, Signals(NO_PLAN)
+        self.paths, self.placed_uids = Paths(), set()
+        self.reset(seed)
 
     # -- the population
 
@@ -311,19 +299,6 @@ class World(RowWorlds):
             settle(self, self.roads, np.array([row]), self.z[[row]])
         self.touch()
 
-    @contextmanager
-    def room_for(self, num: int) -> Iterator[None]:
-        """Return a context in which `num` entities can be spawned, each in a third of the usual time."""
-        num_rows = max(self.n, len(self._rows) + num)
-        if num_rows > self._floats.shape[1]:
-            self._grow(num_rows)
-        self._bind(num_rows)
-        try:
-            yield
-        finally:
-            self._trim()
-            self.touch()
-
     def remove(self, uid: int) -> None:
         """Remove an entity; its row is free for another one.
 
@@ -370,13 +345,8 @@ class World(RowWorlds):
         self.seed = seed
         self.frame = 0
         self.is_scoring = False
-        self.signals = Signals(self.plan)
+        self._signals = Signals(self.plan)
         self._next_uid = FIRST_UID
-
-    @property
-    def plan(self) -> SignalPlan:
-        """The plan of the traffic lights."""
-        return self.signals.plan
 
     def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
         """Replace the roads. The lights begin their cycles now; lane followers stop where they are.
@@ -395,7 +365,7 @@ class World(RowWorlds):
         for row in np.flatnonzero(self.has_lane).tolist():  # rare: the map changes while vehicles drive on it
             self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
         was_flat = self.roads.is_flat
-        self.roads, self.signals = roads, Signals(plan, self.frame)
+        self.roads, self._signals = roads, Signals(plan, self.frame)
         self.int_block("near_lane", "open_reds")[:] = 0  # rows of the former lanes
         self.touch()
         if not roads.is_flat:
@@ -426,28 +396,6 @@ class World(RowWorlds):
         if self.is_scoring:
             for row in self.rows(Kind.EGO).tolist():
                 self._begin_score(row)
-
-    def row(self, uid: int) -> int:
-        """Return the row of an entity.
-
-        Raises:
-            KeyError: no entity has this id.
-        """
-        return self._rows[uid]
-
-    def rows(self, kind: Kind) -> IntArray:
-        """Return the rows of a kind in order of spawning, (k,) int64; do not write into the array."""
-        return self.derived(_rows_by_kind)[kind]
-
-    def placed(self) -> Iterator[int]:
-        """Yield the rows in use in order of spawning."""
-        return iter(self._rows.values())
-
-    def __contains__(self, uid: object) -> bool:
-        return uid in self._rows
-
-    def __len__(self) -> int:
-        return len(self._rows)
 
     # -- snapshots
 
@@ -481,7 +429,7 @@ class World(RowWorlds):
         self._rows = dict(saved.uids)
         self.paths.restore(saved.paths)
         self.contacts = saved.contacts.copy()
-        self.roads, self.signals = saved.roads, Signals.restored(saved.signals)
+        self.roads, self._signals = saved.roads, Signals.restored(saved.signals)
         self.routes = dict(saved.routes)
         self._next_uid, self.passing, self.placed_uids = saved.next_uid, saved.passing.copy(), set(saved.placed_uids)
         for name in _KEPT:
@@ -544,7 +492,7 @@ class World(RowWorlds):
             state.update(uid.to_bytes(4) + route.tobytes())
         return state.hexdigest()
 
-    # -- for the other modules of `world`
+    # -- answers to a step
 
     def struck(self) -> Iterator[World]:
         """Yield the worlds in which pairs touch, touched, or were placed since the last step: perhaps this one."""
@@ -554,26 +502,11 @@ class World(RowWorlds):
         """Return the world that a row belongs to."""
         return self
 
-    def derived(self, make: Callable[[World], T]) -> T:
-        """Return `make(world)`, made once and kept until the next `touch`."""
-        value: T | None = self._derived.get(make)  # the key says what the value is
-        if value is None:
-            value = self._derived[make] = make(self)
-        return value
+    def salts(self, rows: IntArray) -> npt.NDArray[np.uint64]:
+        """Return the `salt_of` the entities in rows, (k,) uint64."""
+        return salt_of(self.seed, self.uid[rows])
 
     # -- internals
-
-    def _choose_uid(self, uid: int | None) -> tuple[int, int]:
-        """Return the id to give and the next one to hand out after it."""
-        if uid is None:
-            if self._next_uid > MAX_UID:
-                raise ValueError("uid: all ids were given; they begin anew with a reset")
-            return self._next_uid, self._next_uid + 1
-        if not 0 <= uid <= MAX_UID:
-            raise ValueError(f"uid: expected 0..{MAX_UID}, got {uid!r}")
-        if uid in self._rows:
-            raise ValueError(f"uid: {uid} is in use")
-        return int(uid), max(self._next_uid, int(uid) + 1)
 
     def _begin_score(self, row: int) -> None:
         """Begin the score of an ego anew at this frame."""
@@ -582,21 +515,6 @@ class World(RowWorlds):
         self.score_since[row] = self.frame
         self.time_to_collision[row] = self.min_time_to_collision[row] = math.inf
 
-    def _trim(self) -> None:
-        """Drop the free rows at the end."""
-        alive = np.flatnonzero(self.alive)
-        self._bind(int(alive[-1]) + 1 if len(alive) else 0)
-
-    def _take_row(self) -> int:
-        """Return the first row that is free, after making one if there is none."""
-        if len(self._rows) < self.n:
-            return int(self.alive.argmin())
-        row = self.n
-        if row == self._floats.shape[1]:
-            self._grow(row + 1)
-        self._bind(row + 1)
-        return row
-
     def _equip(self, row: int, body: Body) -> None:
         """Write what a new EGO has of its own: the limits of its body, its controls, and its score."""
         fill_body_columns(self, row, body)
@@ -604,9 +522,3 @@ class World(RowWorlds):
         update_control_columns(self, row, is_creeping=self.is_creeping)
         if self.is_scoring:
             self._begin_score(row)
-
-
-def _rows_by_kind(world: World) -> dict[Kind, IntArray]:
-    """Return the rows of each kind, in order of spawning."""
-    rows = np.fromiter(world.placed(), dtype=np.int64)
-    return {kind: rows[world.kind[rows] == kind] for kind in Kind}

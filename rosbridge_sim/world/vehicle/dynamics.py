@@ -44,7 +44,8 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.entity_arrays import FLOATS as COLUMNS
 from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder, Value
 from rosbridge_sim.world.state.row_program import MovedRows, RowProgram
-from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode, World
+from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode
+from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOperators
 from rosbridge_sim.world.vehicle.ground import find_friction
 from rosbridge_sim.world.vehicle.single_track import advance, make_car
@@ -65,7 +66,7 @@ TINY: Final = 1e-150
 """Added to h, so that sin(h) / h is TINY / TINY = 1 at h = 0; any other h keeps all its bits."""
 
 
-def drive(world: World, dt: float) -> None:
+def drive(world: WorldRows, dt: float) -> None:
     """Move all driven rows; see the head of this file for the equations.
 
     Args:
@@ -77,7 +78,7 @@ def drive(world: World, dt: float) -> None:
         driven.advance(dt)
 
 
-def _find_driven(world: World) -> IntArray:
+def _find_driven(world: WorldRows) -> IntArray:
     """Return the rows that the model moves, (k,) int64."""
     is_driven: BoolArray = world.alive & (world.kind == Kind.EGO) & ~world.is_ghost & (world.loose == 0.0)
     return is_driven.nonzero()[0]
@@ -86,7 +87,7 @@ def _find_driven(world: World) -> IntArray:
 class _SingleTrack(MovedRows):
     """The driven rows of the single track model. It lives until the next `World.touch`."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         super().__init__(world, _find_driven(world))
 
     def advance(self, dt: float) -> None:
@@ -180,7 +181,7 @@ class _Driven(MovedRows):
     are counted in change of speed for each step [m/s].
     """
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: WorldRows) -> None:
         super().__init__(world, _find_driven(world))
 
     def write_program(self) -> None:

@@ -15,7 +15,7 @@ from rosbridge_sim.world.geometry.segment_search import BESIDE
 from rosbridge_sim.world.roads.road_places import MAX_EDGE
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 OFF_ROAD_FRICTION: Final = 0.6
 """Friction of gravel (Wong, Theory of Ground Vehicles, table 1.3); dry earth has a little more."""
@@ -28,7 +28,7 @@ NEAR_LIMIT: Final = 3.0
 what the ground beside roads can give: below, the two kinds of ground change the path by a few per cent."""
 
 
-def find_friction(world: World, rows: IntArray) -> None:
+def find_friction(world: WorldRows, rows: IntArray) -> None:
     """Bring the friction below some rows up to date, if this frame is one for a look.
 
     Args:

@@ -43,7 +43,8 @@ from rosbridge_sim.world.geometry.planar import (
     wrap_angle,
 )
 from rosbridge_sim.world.state.entity_types import GRAVITY
-from rosbridge_sim.world.state.world import DT, Dynamics, World
+from rosbridge_sim.world.state.world import DT, Dynamics
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 STEER_ROUNDING: Final = 1e-9
 """The most that rounding can add to the turn of the wheels in one step [rad]."""
@@ -113,7 +114,7 @@ class Boxes(Record):
     speed: FloatArray
 
 
-def locate(world: World, row: int, mounting: Mounting) -> Vector:
+def locate(world: WorldRows, row: int, mounting: Mounting) -> Vector:
     """Return where a sensor is.
 
     Args:
@@ -128,7 +129,7 @@ def locate(world: World, row: int, mounting: Mounting) -> Vector:
     return world.x.item(row) + x, world.y.item(row) + y, world.z.item(row) + z
 
 
-def feel(world: World, row: int, mounting: Mounting) -> Inertia:
+def feel(world: WorldRows, row: int, mounting: Mounting) -> Inertia:
     """Return the reading of an inertial unit; see the head of this file for the equations.
 
     Args:
@@ -156,7 +157,7 @@ def feel(world: World, row: int, mounting: Mounting) -> Inertia:
     return Inertia(axes, rotate_back(axes, turn), rotate_back(axes, acceleration))
 
 
-def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
+def find_boxes(world: WorldRows, row: int, reach: float, limit: int) -> Boxes:
     """Return the boxes of all other entities whose middle is near a vehicle.
 
     Args:
@@ -195,12 +196,12 @@ def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
     )
 
 
-def _orientation(world: World, row: int) -> Quaternion:
+def _orientation(world: WorldRows, row: int) -> Quaternion:
     """Return the orientation of a row in the map frame."""
     return quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))
 
 
-def _yaw_accel(world: World, row: int) -> float:
+def _yaw_accel(world: WorldRows, row: int) -> float:
     """Return the change of the yaw rate in the middle of the last step [rad/s^2]."""
     if world.dynamics == Dynamics.SINGLE_TRACK:
         return world.yaw_accel.item(row)

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Final, Literal, NamedTuple
 
 from rosbridge_sim.world.state.entity_types import GRAVITY
-from rosbridge_sim.world.state.world import Dynamics, World
+from rosbridge_sim.world.state.world import Dynamics
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 
 class WheelReading(NamedTuple):
@@ -29,7 +30,7 @@ class WheelReading(NamedTuple):
 NO_READING: Final = WheelReading(0.0, 0.0, 0.0)
 
 
-def read_wheel(world: World, row: int, axle: Literal["front", "rear"]) -> WheelReading:
+def read_wheel(world: WorldRows, row: int, axle: Literal["front", "rear"]) -> WheelReading:
     """Return the reading of a wheel.
 
     Args:
@@ -38,7 +39,7 @@ def read_wheel(world: World, row: int, axle: Literal["front", "rear"]) -> WheelR
     """
     if world.dynamics == Dynamics.KINEMATIC:
         return NO_READING
-    body = world.bodies[row]
+    body = world.body_of(row)
     half = 0.5 * body.mass
     if axle == "front":
         load, stiffness, slip, force = body.front_load, body.front_stiffness, world.front_slip, world.front_force
