@@ -82,7 +82,7 @@ morai.messages: * maps morai scenarios schema units world.followers world.geomet
 # the simulator
 simulator.plain: * world.state
 simulator.sync: *
-simulator.bus: * graph schema world.state
+simulator.bus: * document_reading documents graph schema world.state
 simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simulator.plain world world.drivers
     world.geometry world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync

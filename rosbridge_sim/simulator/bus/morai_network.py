@@ -7,15 +7,22 @@ What has no counterpart, such as an item that is sent by UDP, is returned as tex
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Final
+from collections.abc import Mapping
+from typing import Annotated, Final
 
+from msgspec import Meta, field
+
+from rosbridge_sim.document_reading import read_values
+from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.simulator.bus.network_settings import MAX_RATE, InterfaceKind, NetworkSettings, read_choices
-
-_TOP: Final = "egoNetworkData"
-_ITEMS: Final = "listEgoNetworkInfo"
+from rosbridge_sim.simulator.bus.network_settings import (
+    MAX_RATE,
+    InterfaceChoice,
+    InterfaceKind,
+    NetworkSettings,
+    read_choices,
+)
 
 _KINDS: Final = {1: InterfaceKind.PUBLISHER, 3: InterfaceKind.SUBSCRIBER, 4: InterfaceKind.SERVICE}
 """`Division_TYPE` -> kind; 3 is the control command of an ego."""
@@ -46,7 +53,7 @@ MAX_ITEMS: Final = 1_000
 
 def is_morai_network(document: object) -> bool:
     """Return True if a JSON document is a network file of MORAI."""
-    return isinstance(document, Mapping) and isinstance(document.get(_TOP), list)
+    return isinstance(document, Mapping) and isinstance(document.get("egoNetworkData"), list)
 
 
 def read_morai_network(document: Mapping[str, JsonValue], source: str) -> tuple[NetworkSettings, list[str]]:
@@ -59,62 +66,45 @@ def read_morai_network(document: Mapping[str, JsonValue], source: str) -> tuple[
     Raises:
         DocumentError: an item cannot be read, or a topic is not a valid name.
     """
-    choices: dict[InterfaceKind, dict[str, JsonValue]] = {kind: {} for kind in InterfaceKind}
+    file = read_values(_FILE, document, source)
+    if sum(len(ego.items) for ego in file.egos) > MAX_ITEMS:
+        raise DocumentError(f"{source}: expected at most {MAX_ITEMS:,} items in the file")
+    choices: dict[InterfaceKind, dict[str, InterfaceChoice]] = {kind: {} for kind in InterfaceKind}
     unused: list[str] = []
-    for where, owner, item in _items(document, source):
-        _read_item(where, owner, item, choices, unused)
-    if document.get("frameRate"):
+    for i, ego in enumerate(file.egos):
+        for j, item in enumerate(ego.items):
+            where = f"{source}: egoNetworkData[{i}].listEgoNetworkInfo[{j}]"
+            _read_item(where, ego.number, item, choices, unused)
+    if file.frame_rate:
         unused.append("frameRate")
     return NetworkSettings(**{kind.value: found for kind, found in choices.items()}), list(dict.fromkeys(unused))
 
 
-def _items(document: Mapping[str, JsonValue], source: str) -> Iterator[tuple[str, object, Mapping[str, JsonValue]]]:
-    """Yield the place, the ego's number and the content of each item."""
-    num_items = 0
-    for i, ego in enumerate(document[_TOP]):
-        where = f"{source}: {_TOP}[{i}]"
-        items = ego.get(_ITEMS, []) if isinstance(ego, Mapping) else None
-        if not isinstance(items, list):
-            raise DocumentError(f"{where}: expected an object with a list {_ITEMS}")
-        num_items += len(items)
-        if num_items > MAX_ITEMS:
-            raise DocumentError(f"{where}: expected at most {MAX_ITEMS:,} items in the file")
-        for j, item in enumerate(items):
-            if not isinstance(item, Mapping):
-                raise DocumentError(f"{where}.{_ITEMS}[{j}]: expected an object")
-            yield f"{where}.{_ITEMS}[{j}]", _number(ego.get("UNIQUEID")), item
-
-
 def _read_item(
     where: str,
-    owner: object,
-    item: Mapping[str, JsonValue],
-    choices: Mapping[InterfaceKind, dict[str, JsonValue]],
+    owner: int,
+    item: _Item,
+    choices: Mapping[InterfaceKind, dict[str, InterfaceChoice]],
     unused: list[str],
 ) -> None:
     """Add the choice of one item, or say why there is none."""
-    number, kind = _number(item.get("PUBSUB_TYPE")), _KINDS.get(_number(item.get("Division_TYPE")))
-    block = item.get("EgoCtrlConfig" if kind is InterfaceKind.SUBSCRIBER else "config")
-    block = block if isinstance(block, Mapping) else {}
-    ros = block.get("rosConfig")
-    topic = ros.get("Topic") if isinstance(ros, Mapping) else None
-    topic = topic.strip() if isinstance(topic, str) else ""
+    number, kind = item.number, _KINDS.get(item.division)
+    block = item.command if kind is InterfaceKind.SUBSCRIBER else item.config
+    topic = block.ros.topic
     name = f"type {number}" + (f" ({topic})" if topic else "")
-    way = _number(block.get("commType"))
     if owner not in _FIRST_EGO:
         unused.append(f"{name} of ego {owner}, which is not the first one")
-    elif way != _ROS:
-        unused.append(f"{name} by {_WAYS.get(way, f'commType {way}')}")
+    elif block.way != _ROS:
+        unused.append(f"{name} by {_WAYS.get(block.way, f'commType {block.way}')}")
     elif kind is None or (default := _default(kind, number, topic)) is None:
         unused.append(f"{name}, which is not known")
     else:
         entry: dict[str, JsonValue] = {"name": topic} if topic else {}
-        if kind is InterfaceKind.PUBLISHER and "pubFrequency" in block:
-            rate = _float(block["pubFrequency"])
-            if 0.0 < rate <= MAX_RATE:
-                entry["rate"] = rate
+        if kind is InterfaceKind.PUBLISHER and block.rate is not None:
+            if 0.0 < block.rate <= MAX_RATE:
+                entry["rate"] = block.rate
             else:
-                unused.append(f"pubFrequency {rate:g} of {name}")
+                unused.append(f"pubFrequency {block.rate:g} of {name}")
         choices[kind].update(read_choices(kind, {default: entry}, lambda _path: where))
 
 
@@ -122,16 +112,64 @@ def _default(kind: InterfaceKind, number: int, topic: str) -> str | None:
     return _DEFAULTS.get((kind, number)) or _BY_NAME.get((kind, "/" + topic.removeprefix("/")))
 
 
-def _number(value: object) -> int:
+# The form of a file. Values of another type are none, as in MORAI: only lists and their entries must be such.
+
+
+def _read_whole(value: object) -> int:
     """Return a whole number, also from a text; -1 for anything else."""
-    number = _float(value)
+    number = _read_float(value)
     return int(number) if number == number // 1 and abs(number) < 2**31 else -1
 
 
-def _float(value: object) -> float:
+def _read_float(value: object) -> float:
     """Return a finite number, also from a text; -1 for anything else."""
     try:
         number = float(value) if isinstance(value, (int, float, str)) else -1.0
     except (ValueError, OverflowError):
         return -1.0
     return number if -1e300 < number < 1e300 else -1.0  # noqa: PLR2004 - neither infinite nor NaN
+
+
+def _read_topic(value: object) -> str:
+    return value.strip() if isinstance(value, str) else ""
+
+
+_Whole = Annotated[int, Meta(extra={"read": _read_whole})]
+
+
+class _Block(Document, frozen=True, kw_only=True):
+    """An object whose place may have anything else, which is read as an empty one."""
+
+    @classmethod
+    def prepare(cls, value: JsonValue) -> JsonValue:
+        return value if isinstance(value, dict) else {}
+
+
+class _Ros(_Block, frozen=True, kw_only=True):
+    topic: Annotated[str, Meta(extra={"read": _read_topic})] = field(name="Topic", default="")
+
+
+class _Config(_Block, frozen=True, kw_only=True):
+    way: _Whole = field(name="commType", default=-1)
+    rate: Annotated[float, Meta(extra={"read": _read_float})] | None = field(name="pubFrequency", default=None)
+    ros: _Ros = field(name="rosConfig", default=_Ros())
+
+
+class _Item(Document, frozen=True, kw_only=True):
+    number: _Whole = field(name="PUBSUB_TYPE", default=-1)
+    division: _Whole = field(name="Division_TYPE", default=-1)
+    config: _Config = field(default=_Config())
+    command: _Config = field(name="EgoCtrlConfig", default=_Config())
+
+
+class _Ego(Document, frozen=True, kw_only=True):
+    number: _Whole = field(name="UNIQUEID", default=-1)
+    items: tuple[_Item, ...] = field(name="listEgoNetworkInfo", default=())
+
+
+class _File(Document, frozen=True, kw_only=True):
+    egos: tuple[_Ego, ...] = field(name="egoNetworkData")
+    frame_rate: KeptAsWritten = field(name="frameRate", default=None)
+
+
+_FILE: Final[DocumentType[_File]] = DocumentType(_File)

@@ -17,14 +17,19 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final, NoReturn, Protocol
+from typing import Annotated, Final, NoReturn, Protocol
 
+from msgspec import Meta
+
+from rosbridge_sim.document_reading import check_values
+from rosbridge_sim.documents import DocumentType, Table, fields_of, show_json
 from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import replace
-from rosbridge_sim.suggestions import hint
 
 MAX_RATE: Final = 120.0
 """Highest rate of a publisher that MORAI allows [Hz]."""
@@ -224,18 +229,19 @@ def read_choices(
     """
     top = (kind.value,)
     if not isinstance(table, Mapping):
-        text = f'{place(top)}: expected a table such as "/NAME" = {{ on = true }}; got {_shown(table)}'
+        text = f'{place(top)}: expected a table such as "/NAME" = {{ on = true }}, got {show_json(table)}'
         on_mistake(DocumentError(text))
         return {}
     choices: dict[str, InterfaceChoice] = {}
     for name, entry in table.items():
         path = (*top, str(name))
         try:
-            default = _read_name(name, kind, path, place)
-            if default in choices:
-                raise DocumentError(f"{place(path)}: expected each {kind.noun} once")  # noqa: TRY301 - as the others
-        except DocumentError as error:
-            on_mistake(error)
+            default = _read_name(name)
+        except ValueError as error:
+            on_mistake(DocumentError(f"{place(path)}: {error}, got {show_json(name)}"))
+            continue
+        if default in choices:
+            on_mistake(DocumentError(f"{place(path)}: expected each {kind.noun} once"))
             continue
         is_read = isinstance(entry, InterfaceChoice)
         choices[default] = entry if is_read else _read_choice(kind, default, entry, path, place, on_mistake=on_mistake)
@@ -245,60 +251,54 @@ def read_choices(
 def _read_choice(
     kind: InterfaceKind, default: str, entry: object, path: tuple[str, ...], place: Place, *, on_mistake: OnMistake
 ) -> InterfaceChoice:
-    keys = ["name", "rate", "on"] if kind is InterfaceKind.PUBLISHER else ["name", "on"]
-    if not isinstance(entry, Mapping):
-        on_mistake(DocumentError(f"{place(path)}: expected a table of {', '.join(keys)}; got {_shown(entry)}"))
+    form = _PUBLISHER if kind is InterfaceKind.PUBLISHER else _ITEM
+    checked = check_values(form, entry, lambda keys: place((*path, *map(str, keys))))
+    for mistake in checked[1]:
+        on_mistake(DocumentError(mistake.text))
+    item = checked[0]
+    if item is None:
         return InterfaceChoice()
-    for key in entry:
-        if key not in keys:
-            text = f"{place((*path, str(key)))}: expected {', '.join(keys[:-1])} or {keys[-1]}{hint(str(key), keys)}"
-            on_mistake(DocumentError(text))
-    name, rate, is_on = entry.get("name"), entry.get("rate"), entry.get("on")
-    try:
-        if name is not None:
-            name = _read_own_name(name, kind, default, (*path, "name"), place)
-    except DocumentError as error:
-        on_mistake(error)
-        name = None
-    if not (is_on is None or isinstance(is_on, bool)):
-        on_mistake(DocumentError(f"{place((*path, 'on'))}: expected true or false; got {_shown(is_on)}"))
-        is_on = None
-    try:
-        if rate is not None:
-            rate = _read_rate(rate, (*path, "rate"), place)
-    except DocumentError as error:
-        on_mistake(error)
-        rate = None
-    return InterfaceChoice(name, is_on, rate, place(path))
-
-
-def _read_own_name(name: object, kind: InterfaceKind, default: str, path: tuple[str, ...], place: Place) -> str:
-    """Return the name that an item is given; it may not begin with another ego's prefix."""
-    absolute = _read_name(name, kind, path, place)
-    owner = split_prefix(absolute)[0]
+    owner = "/" if item.name is None else split_prefix(item.name)[0]
     if owner not in ("/", split_prefix(default)[0]):
-        raise DocumentError(f"{place(path)}: expected no name that begins with {owner}, which is an ego's")
-    return absolute
+        text = f"{place((*path, 'name'))}: expected no name that begins with {owner}, which is an ego's"
+        on_mistake(DocumentError(text))
+    rate = item.rate if isinstance(item, _Publisher) else None
+    return InterfaceChoice(item.name, item.on, rate, place(path))
 
 
-def _read_name(name: object, kind: InterfaceKind, path: tuple[str, ...], place: Place) -> str:
-    what = "service" if kind is InterfaceKind.SERVICE else "topic"
-    try:
+def _read_name(name: object) -> str:
+    with suppress(GraphError):
         absolute = resolve(name) if isinstance(name, str) else ""
-    except GraphError:
-        absolute = ""
-    if not 1 < len(absolute) <= MAX_SETTINGS_NAME:
-        raise DocumentError(f"{place(path)}: expected the name of a {what}, without blanks; got {_shown(name)}")
-    return absolute
+        if 1 < len(absolute) <= MAX_SETTINGS_NAME:
+            return absolute
+    raise ValueError("expected the name of a topic or service, without blanks")
 
 
-def _read_rate(rate: object, path: tuple[str, ...], place: Place) -> float:
-    is_number = isinstance(rate, (int, float)) and not isinstance(rate, bool)
-    if not (is_number and isinstance(rate, (int, float)) and 0.0 < rate <= MAX_RATE):
-        raise DocumentError(f"{place(path)}: expected more than 0 and at most {MAX_RATE:g} Hz; got {_shown(rate)}")
-    return float(rate)
+def _read_rate(rate: object) -> float:
+    if isinstance(rate, (int, float)) and not isinstance(rate, bool) and 0.0 < rate <= MAX_RATE:
+        return float(rate)
+    raise ValueError(f"expected more than 0 and at most {MAX_RATE:g} Hz")
 
 
-def _shown(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
+class _Item(Table, frozen=True, kw_only=True):
+    """The choices for a subscriber or a service, as they are written."""
+
+    name: Annotated[str, Meta(extra={"read": _read_name})] | None = None
+    on: bool | None = None
+
+    @classmethod
+    def prepare(cls, value: JsonValue) -> JsonValue:
+        """Return the table as a dict, which it need not be in Python."""
+        if isinstance(value, Mapping):
+            return dict(value)
+        raise ValueError(f"expected a table of {', '.join(fields_of(cls))}")
+
+
+class _Publisher(_Item, frozen=True, kw_only=True):
+    """The choices for a publisher."""
+
+    rate: Annotated[float, Meta(extra={"read": _read_rate})] | None = None
+
+
+_ITEM: Final[DocumentType[_Item]] = DocumentType(_Item)
+_PUBLISHER: Final[DocumentType[_Item]] = DocumentType(_Publisher)

@@ -336,7 +336,7 @@ def test_network_settings_may_stand_in_a_whole_settings_file(tmp_path: Path, cap
         read_network(file)
     file.write_text('[services]\n"/x y" = {}\n')
     with pytest.raises(
-        SettingError, match=r'n.toml:2: services."/x y": expected the name of a service, without blanks'
+        SettingError, match=r'n.toml:2: services."/x y": expected the name of a topic or service, without blanks'
     ):
         read_network(file)
 
@@ -491,13 +491,13 @@ def test_contradicting_switches_in_one_source_are_an_error() -> None:
         ),
         (
             '[publishers]\n"/clock" = { rate = 500 }\n',
-            's.toml:2: publishers."/clock".rate: expected more than 0 and at most 120 Hz; got 500',
+            's.toml:2: publishers."/clock".rate: expected more than 0 and at most 120 Hz, got 500',
         ),
         (
             '[services."/sim/reset"]\non = true\n\nnam = "/x"\n',
-            's.toml:4: services."/sim/reset".nam: expected name or on (did you mean name?)',
+            's.toml:4: services."/sim/reset".nam: expected one of name, on (did you mean name?)',
         ),
-        ("subscribers = 3\n", 's.toml:1: subscribers: expected a table such as "/NAME" = { on = true }; got 3'),
+        ("subscribers = 3\n", 's.toml:1: subscribers: expected a table such as "/NAME" = { on = true }, got 3'),
         ("[host]\nx = 1\n", "s.toml:1: host: expected a host name or address; got {'x': 1}"),
         ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another settings file"),
         ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),

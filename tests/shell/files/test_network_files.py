@@ -53,7 +53,7 @@ def test_link_outside_the_folder_is_refused(folder: Path) -> None:
 
 def test_error_in_a_network_file_names_its_line(folder: Path) -> None:
     (folder / "x.toml").write_text(TEXT + '"/SyncModeCmd" = { of = true }\n')
-    with pytest.raises(DocumentError, match=r'x\.toml:3: services\."/SyncModeCmd"\.of: expected name or on'):
+    with pytest.raises(DocumentError, match=r'x\.toml:3: services\."/SyncModeCmd"\.of: expected one of name, on'):
         DiskNetworks(folder.parent).network("x")
 
 

@@ -73,9 +73,10 @@ def test_what_has_no_meaning_here_is_listed() -> None:
     ("whole", "words"),
     [
         (document(7), r"net.json: egoNetworkData\[0\].listEgoNetworkInfo\[0\]: expected an object"),
-        ({"egoNetworkData": [7]}, r"egoNetworkData\[0\]: expected an object with a list"),
+        ({"egoNetworkData": [7]}, r"egoNetworkData\[0\]: expected an object, got 7"),
+        ({"egoNetworkData": [{"listEgoNetworkInfo": 7}]}, r"\[0\].listEgoNetworkInfo: expected a list, got 7"),
         (document(*[item(1, 1)] * (MAX_ITEMS + 1)), "expected at most 1,000 items"),
-        (document(item(278, 1, "two words")), "expected the name of a topic, without blanks"),
+        (document(item(278, 1, "two words")), "expected the name of a topic or service, without blanks"),
     ],
 )
 def test_mistake_names_its_place(whole: dict[str, Any], words: str) -> None:

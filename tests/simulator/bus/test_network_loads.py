@@ -76,7 +76,7 @@ def test_network_settings_alone_can_be_loaded() -> None:
     ("tables", "said"),
     [
         ({"services": {"/SyncMode": {}}}, "the simulator has no such service (did you mean /SyncModeCmd?)"),
-        ({"services": {"/SyncModeCmd": {"name": "/a b"}}}, "expected the name of a service"),
+        ({"services": {"/SyncModeCmd": {"name": "/a b"}}}, "expected the name of a topic or service"),
         ({"services": {"/SyncModeCmd": {"name": "/theirs"}}}, "service /theirs is provided by /recorder"),
         ({"publishers": {"/clock": {"name": "/tf"}}}, "expected different names for /clock and /tf"),
     ],

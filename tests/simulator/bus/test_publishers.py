@@ -123,7 +123,7 @@ def test_nothing_is_repeated_after_real_time_has_stopped() -> None:
 @pytest.mark.parametrize("rate", [0.0, -1.0, 120.5, float("nan")])
 def test_a_rate_out_of_bounds_is_refused(rate: float) -> None:
     with pytest.raises(
-        DocumentError, match=r"publishers\.\"/Ego_topic\"\.rate: expected more than 0 and at most 120 Hz; got"
+        DocumentError, match=r"publishers\.\"/Ego_topic\"\.rate: expected more than 0 and at most 120 Hz, got"
     ):
         SimHarness(network=rates({"/Ego_topic": rate}))
 
