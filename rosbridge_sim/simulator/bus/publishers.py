@@ -28,7 +28,7 @@ set their rates.
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import count
 from typing import Any, Final, Unpack
@@ -154,6 +154,14 @@ class Publishers:
         self._repeats = [repeat for repeat in self._repeats if repeat[2].prefix != prefix]
         heapq.heapify(self._repeats)
         self._items.remove(gone, now)
+
+    def order(self, prefixes: Sequence[str]) -> None:
+        """Publish the topics of further egos in the order of these prefixes, whenever they were added."""
+        ranks = {prefix: rank for rank, prefix in enumerate(prefixes)}
+        places = [i for i, publisher in enumerate(self._periodic) if publisher.prefix in ranks]
+        ranked = sorted([self._periodic[i] for i in places], key=lambda publisher: ranks[publisher.prefix])
+        for i, publisher in zip(places, ranked, strict=True):
+            self._periodic[i] = publisher
 
     def set_factor(self, factor: float) -> None:
         """Take note of the real-time factor, and forget what was to be repeated.

@@ -29,6 +29,7 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego, EgoState
+from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import FoundMap, Load, MapKey
@@ -316,6 +317,7 @@ class NodeState:
         for ego, state in zip(egos, saved.egos, strict=True):
             ego.load_state(state)
         context.egos.replace(egos)
+        context.publishers.order([ego_prefix(ego.index) for ego in egos[1:]])
         context.sync.replace_waiting(
             [(frame, SceneCommand(action, source, _notify_nobody)) for frame, source, action in saved.waiting]
         )

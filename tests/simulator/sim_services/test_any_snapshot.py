@@ -318,11 +318,12 @@ def check(release: str, acts: list[tuple[Any, ...]]) -> None:
             ("restore", 0, False),
             ("step", 3, ""),
         ],
+        [("egos", [7, 2]), ("snapshot",), ("take away", 7)],
         [("score", False), ("put", "a driver", 3.0), ("put", "an ego", 9.0), ("step", 5, "stop_on_collision")],
     ],
     ids=[
         *("egos and a load", "self-driving and a map", "ghosts", "same map twice", "refused in a replay"),
-        *("refused while mirroring", "end of a replay", "barrier", "scores"),
+        *("refused while mirroring", "end of a replay", "barrier", "an ego that comes back", "scores"),
     ],
 )
 def test_hash_and_bytes_come_back(release: str, acts: list[tuple[Any, ...]]) -> None:
