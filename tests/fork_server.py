@@ -36,6 +36,8 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import IO, NamedTuple, NoReturn, Self
 
+from tests.cpu_time import communicate
+
 __all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "pids", "popen", "run", "start", "use"]
 
 _ROOT = Path(__file__).parent.parent
@@ -195,18 +197,17 @@ def popen(
 
 
 def run(
-    command: Sequence[object], *, cwd: Path = _ROOT, env: Mapping[str, str] | None = None, timeout: float = 180.0
+    command: Sequence[object], *, cwd: Path = _ROOT, env: Mapping[str, str] | None = None
 ) -> subprocess.CompletedProcess[str]:
-    """Run `python COMMAND...` to its end, as `popen` starts it.
+    """Run `python COMMAND...` to its end, as `popen` starts it and `communicate` of `tests.cpu_time` waits for it.
 
     Args:
         command: words after Python's own.
         cwd: the folder in which it runs.
         env: its whole environment; None is the one of the tests.
-        timeout: after which it is killed, and `subprocess.TimeoutExpired` is raised [s].
     """
     with popen(command, cwd=cwd, env=env) as program:
-        out, err = program.communicate(timeout)
+        out, err = communicate(program)
         return subprocess.CompletedProcess([*map(str, command)], program.wait(), out, err)
 
 

@@ -17,15 +17,15 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from typing import Any, cast
 
 import pytest
 from _pytest.runner import CallInfo
 
 from tests import fork_server
+from tests.cpu_time import cpu_time
 
-__all__ = ["APART", "TOGETHER", "WORKER", "ForkedWorkers", "cpu_time"]
+__all__ = ["APART", "TOGETHER", "WORKER", "ForkedWorkers"]
 
 _WITH_WEBGL = ("drawn", "map", "sensors", "views")
 _WITHOUT = (
@@ -222,21 +222,26 @@ def _work(
     item: pytest.Item | None = None
     try:
         while group := _ask(connection):
-            began, cpu = time.monotonic(), cpu_time()
+            began, cpu = time.monotonic(), _cpu_time()
             for i, after in pairwise([*group, -1]):
                 item, following = session.items[i], session.items[after] if after >= 0 else None
                 connection.send(("begin", i))
                 # Behind None all fixtures would end; behind the session, those of the file.
                 config.hook.pytest_runtest_protocol(item=item, nextitem=following or session)
                 if following is None or _file_of(following) != _file_of(item):
-                    connection.send(("cost", (_file_of(item), time.monotonic() - began, cpu_time() - cpu)))
-                    began, cpu = time.monotonic(), cpu_time()
+                    connection.send(("cost", (_file_of(item), time.monotonic() - began, _cpu_time() - cpu)))
+                    began, cpu = time.monotonic(), _cpu_time()
     except (KeyboardInterrupt, EOFError, BrokenPipeError, ConnectionResetError):
         connection.close()  # the first process was stopped, or has ended
     call = CallInfo.from_call(lambda: session._setupstate.teardown_exact(None), when="teardown")
     if item is not None and not connection.closed and call.excinfo is not None:
         report = config.hook.pytest_runtest_makereport(item=item, call=call)
         config.hook.pytest_runtest_logreport(report=report)
+
+
+def _cpu_time() -> float:
+    """That of this process and of all that it has started [s]."""
+    return cpu_time(os.getpid(), *fork_server.pids())
 
 
 def _ask(connection: Connection) -> list[int]:
@@ -275,22 +280,3 @@ class _Sender:
         """Send a warning."""
         value = {"warning_message": warning_message, "when": when, "nodeid": nodeid, "location": location}
         self._connection.send(("warning", value))
-
-
-def cpu_time() -> float:
-    """CPU time of this process, and of all programs that it has started and that those have started [s]."""
-    if not Path("/proc/self/stat").exists():
-        return sum(os.times()[:4])
-    ticks, waiting = 0, [(pid, 0) for pid in (os.getpid(), *fork_server.pids())]
-    while waiting:
-        pid, parent = waiting.pop()
-        try:
-            fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-            if parent not in {0, int(fields[1])}:
-                continue  # the child has ended, and another process has its number
-            for task in Path(f"/proc/{pid}/task").iterdir():
-                waiting += [(int(child), pid) for child in (task / "children").read_text().split()]
-        except OSError:
-            continue  # it has ended meanwhile
-        ticks += sum(map(int, fields[11:15]))
-    return ticks / os.sysconf("SC_CLK_TCK")

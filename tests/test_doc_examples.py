@@ -34,8 +34,9 @@ from scripts.draw_docs import read_own_scenario
 from tests import fork_server
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
+from tests.cpu_time import run as run_to_end
 from tests.end_to_end.test_browser import open_browser, page_at, until
-from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
+from tests.support import ROOT, ServerProcess, require_node_modules, require_tool
 
 PAGES = [ROOT / "README.md", *sorted(set((ROOT / "docs").rglob("*.md")) - set((ROOT / "docs" / "ko").rglob("*.md")))]
 """Pages with examples; the Korean ones show the same programs, see `test_korean_pages.py`."""
@@ -139,7 +140,7 @@ def at_port(script: str, port: int) -> str:
 def run_program(command: list[str], cwd: Path, **variables: str) -> subprocess.CompletedProcess[str]:
     """A program that has ended."""
     env = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
-    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
+    return run_to_end(command, cwd=cwd, env=env)
 
 
 def run(command: list[str], cwd: Path, **variables: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import textwrap
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -12,7 +11,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from tests import fork_server
-from tests.forked_workers import APART, TOGETHER, cpu_time
+from tests.forked_workers import APART, TOGETHER
 from tests.support import ROOT
 
 pytestmark = pytest.mark.slow
@@ -103,16 +102,6 @@ def test_first_failure_ends_the_run_and_what_it_started(tmp_path: Path) -> None:
     done = run(tmp_path, "-x", "-k", "dies or comes_after")
     assert "1 failed, 4 deselected" in done.stdout, done.stdout
     assert done.returncode == 1
-
-
-def test_cpu_time_has_that_of_programs_that_still_run() -> None:
-    before = cpu_time()
-    code = "import time\nwhile time.process_time() < 0.3: pass\nprint('done', flush=True)\ninput()"
-    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as program:
-        assert program.stdout is not None
-        program.stdout.readline()
-        assert cpu_time() - before > 0.2
-        program.kill()
 
 
 def test_files_that_share_a_process_or_nothing_exist() -> None:

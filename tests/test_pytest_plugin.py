@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from tests import fork_server
-from tests.support import PATIENCE, ROOT
+from tests.support import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -64,7 +64,7 @@ class RunTests:
             command = [sys.executable, *words]
             done = subprocess.run(command, cwd=self.folder, env=env, capture_output=True, text=True, check=False)
         else:
-            done = fork_server.run(words, cwd=self.folder, env=env, timeout=6 * PATIENCE)
+            done = fork_server.run(words, cwd=self.folder, env=env)
         counts = {word: int(num) for num, word in re.findall(r"(\d+) (\w+)", done.stdout.splitlines()[-1])}
         return Run(done.returncode, counts, done.stdout + done.stderr)
 

@@ -17,7 +17,8 @@ from ruamel.yaml import YAML
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.websocket.origins import OriginRules
 from scripts.try_extras import FIRST_USES
-from tests.support import PATIENCE, ROOT, miss
+from tests.cpu_time import run
+from tests.support import ROOT, miss
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
 
@@ -34,7 +35,7 @@ def lint(folder: Path) -> subprocess.CompletedProcess[str]:
         if not (BIN / program).exists():
             miss(f"needs {program}: pip install -e '.[lint]' (./scripts/test does it)")
     words = [str(folder / "scripts" / "lint_workflows")]
-    return subprocess.run(words, capture_output=True, text=True, timeout=6 * PATIENCE, check=False)
+    return run(words)
 
 
 @pytest.mark.slow

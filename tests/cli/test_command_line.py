@@ -28,7 +28,7 @@ from tests.support import PATIENCE, ROOT, read_line
 def run(*words: str, code: str | None = None, **environ: str) -> subprocess.CompletedProcess[str]:
     """The whole life of a program that ends by itself."""
     command = [*(("-c", code) if code else ("-m", "rosbridge_sim")), *words]
-    return fork_server.run(command, env={**os.environ, **environ}, timeout=PATIENCE)
+    return fork_server.run(command, env={**os.environ, **environ})
 
 
 def say(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from tests import fork_server
+from tests.cpu_time import communicate
 from tests.fork_server import ForkedProgram
-from tests.support import PATIENCE, ROOT, require_node_modules, require_tool
+from tests.support import ROOT, require_node_modules, require_tool
 
 __all__ = ["LIBRARIES", "finish", "is_python", "start"]
 
@@ -47,7 +48,7 @@ def start(library: str, subject: str, port: int, *words: str) -> subprocess.Pope
 def finish(process: subprocess.Popen[str] | ForkedProgram) -> dict[str, Any]:
     """What a program said last, once it has ended well; its stdin ends, which tells one that serves to go."""
     with process:
-        out, err = process.communicate(timeout=3 * PATIENCE)
+        out, err = communicate(process)
     assert process.returncode == 0, f"the client ended with {process.returncode}:\n{out}\n{err}"
     seen: dict[str, Any] = json.loads(out.splitlines()[-1]) if out.strip() else {}
     return seen

@@ -11,7 +11,8 @@ import pytest
 
 from rosbridge_sim import Simulator
 from tests.conftest import Connect
-from tests.support import PATIENCE, miss, require_node_modules, require_tool
+from tests.cpu_time import run
+from tests.support import miss, require_node_modules, require_tool
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -49,7 +50,7 @@ async def record_drive(path: Path, connect: Connect) -> list[tuple[float, float]
 
 
 def answer_of(*command: str) -> Any:  # noqa: ANN401 - whatever the program prints
-    done = subprocess.run(command, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
+    done = run(command)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

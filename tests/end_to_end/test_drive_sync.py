@@ -14,6 +14,7 @@ import pytest
 
 from tests import fork_server
 from tests.conftest import Connect, Serve, Simulate
+from tests.cpu_time import communicate
 from tests.deployment import Place
 from tests.fork_server import ForkedProgram
 from tests.support import PATIENCE, ROOT, ServerProcess, read_line
@@ -69,7 +70,7 @@ def start(place: Place | ServerProcess, *flags: str) -> ForkedProgram:
 def run(place: Place | ServerProcess, *flags: str) -> tuple[int, str, str]:
     """Exit code, stdout and stderr."""
     with start(place, *flags) as example:
-        out, err = example.communicate(timeout=6 * PATIENCE)
+        out, err = communicate(example)
     return example.wait(), out, err
 
 
@@ -141,7 +142,7 @@ def test_script_reports_a_lost_server(serve: Serve, tmp_path: Path) -> None:
     with start(process, "--path", str(path), "--from-car") as example:
         read_line(example)
         assert process.stop() == 0
-        _, err = example.communicate(timeout=2 * PATIENCE)
+        _, err = communicate(example)
     assert example.returncode == 1
     last = err.splitlines()[-1]  # roslibpy may have a word of its own about the lost socket
     no_answer = r"no answer from 127.0.0.1:\d+; is the server running\?"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
 from rosbridge_sim.client import Client
+from tests.cpu_time import run
 from tests.support import PATIENCE, ROOT, ServerProcess
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -27,13 +27,7 @@ def test_planner_overtakes_and_publishes_a_path_and_its_candidates(tmp_path: Pat
             candidates = client.subscribe("/plan/candidates", "visualization_msgs/MarkerArray", keep=1_000)
             client.confirm()
             command = [sys.executable, str(ROOT / "scripts" / "examples" / "plan_lanes.py")]
-            done = subprocess.run(
-                [*command, "--url", server.url, "--seconds", str(SECONDS)],
-                capture_output=True,
-                text=True,
-                timeout=6 * PATIENCE,
-                check=False,
-            )
+            done = run([*command, "--url", server.url, "--seconds", str(SECONDS)])
             assert (done.returncode, done.stderr) == (0, "")
             client.confirm()
             found, marks = paths.take(), candidates.take()

@@ -17,6 +17,7 @@ import pytest
 from rosbridge_sim.client import Client
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.shell.files.library import DiskLibrary
+from tests.cpu_time import communicate
 from tests.support import PATIENCE, ROOT, ServerProcess
 
 pytest.importorskip("moderngl")
@@ -88,7 +89,7 @@ def start(server: ServerProcess, name: str, *flags: str) -> subprocess.Popen[str
 def run(server: ServerProcess, name: str, *flags: str) -> str:
     """What a program prints; it ends well."""
     with start(server, name, *flags) as program:
-        out, err = program.communicate(timeout=6 * PATIENCE)
+        out, err = communicate(program)
     assert (program.returncode, err) == (0, "")
     return out
 
@@ -147,7 +148,7 @@ def test_each_car_at_10_20_and_40_m_is_a_cluster(server: ServerProcess, client: 
         client.tick(5)
     client.stop_sync()
     with program:
-        out, err = program.communicate(timeout=6 * PATIENCE)
+        out, err = communicate(program)
     assert (program.returncode, err) == (0, "")
     rows = [[float(figure) for figure in re.findall(r"-?\d+\.\d", line)] for line in out.splitlines()]
     for away, left in cars:
@@ -181,7 +182,7 @@ def test_camera_stops_the_car_at_red_and_lets_it_go_at_green(server: ServerProce
         assert program.stdout is not None
         stopped = program.stdout.readline()
         show(16)
-        out, err = program.communicate(timeout=6 * PATIENCE)
+        out, err = communicate(program)
     assert (program.returncode, err, out) == (0, "", "drove on at green\n")
     assert 0.3 < figure_of(r"stopped at red, (\d+\.\d) m before the line", stopped) < 1.5
     messages = status.take()

@@ -20,6 +20,7 @@ import pytest
 from rosbridge_sim.client import Client
 from tests import fork_server
 from tests.conftest import Serve
+from tests.cpu_time import run as run_to_end
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -56,9 +57,7 @@ def run(language: str, program: str, folder: Path, **env: str) -> str:
             link.symlink_to(require_node_modules())
         (folder / "program.mjs").write_text(program)
         words = [require_tool("node"), str(folder / "program.mjs")]
-    done = subprocess.run(
-        words, capture_output=True, text=True, timeout=3 * PATIENCE, check=False, cwd=ROOT, env={**os.environ, **env}
-    )
+    done = run_to_end(words, cwd=ROOT, env={**os.environ, **env})
     return output_of(program, done)
 
 

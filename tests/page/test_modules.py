@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 
-from tests.support import PATIENCE, ROOT, require_tool
+from tests.cpu_time import run as run_to_end
+from tests.support import ROOT, require_tool
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -16,7 +16,7 @@ TESTS = sorted((ROOT / "tests" / "page" / "js").glob("*.test.js"))
 
 
 def run(*words: str) -> None:
-    done = subprocess.run(words, capture_output=True, text=True, timeout=12 * PATIENCE, check=False, cwd=ROOT)
+    done = run_to_end(words, cwd=ROOT)
     assert done.returncode == 0, f"{done.stdout[-20_000:]}\n{done.stderr[-5_000:]}"
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import subprocess
 import sys
 import types
 from collections.abc import Mapping, Sequence
@@ -18,7 +17,8 @@ from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 from rosbridge_sim.simulator.simulator_node import NodeSettings
-from tests.support import PATIENCE, ROOT, miss
+from tests.cpu_time import run
+from tests.support import ROOT, miss
 
 OPTIONS = get_type_hints(SimulatorOptions)
 
@@ -60,13 +60,9 @@ def test_type_checker_refuses_what_the_run_refuses(tmp_path: Path) -> None:
         "Simulator(port='zero')\n"
         "Simulator(start='later')\n"
     )
-    done = subprocess.run(
+    done = run(
         [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", str(tmp_path), program],
         cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=10 * PATIENCE,
-        check=False,
     )
     wrong = [line.split(":")[1] for line in done.stdout.splitlines() if ": error: " in line]
     assert wrong == ["3", "4", "5"], done.stdout
