@@ -73,7 +73,13 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     Rosapi(bus)
     WebRepublisher(bus)
     built_in = replace(
-        settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None, sensor_noise="none"
+        settings,
+        scenario=Settings().scenario,
+        scenario_path=(),
+        map=None,
+        signal_plan=None,
+        catalogue=None,
+        sensor_noise="none",
     )
     return list(make_simulator_node(bus, built_in, None, None, worker=_Undrawn()).interfaces.listing())
 

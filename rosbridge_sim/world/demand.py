@@ -67,10 +67,13 @@ class LaneSlots(Record, eq=False):
 
     @staticmethod
     def of(roads: Roads) -> LaneSlots:
-        """Return the slots of a map: none within crossings, and none on lanes that lead nowhere, such as bays."""
+        """Return the slots of a map: none within crossings, and none on lanes that lead nowhere, such as bays.
+
+        The end of a lane may lie in a crossing, where a tight turn passes it.
+        """
         conflicts = roads.derived(LaneConflicts)
         has_way = np.diff(roads.first_successor) > 0
-        is_free = has_way & np.isinf(conflicts.wait_point)
+        is_free = has_way & (conflicts.wait_point > np.maximum(roads.length - END_MARGIN, 0.0))
         lanes, places, speeds = [], [], []
         for lane in np.flatnonzero(is_free).tolist():
             first, last = int(roads.first[lane]), int(roads.first[lane + 1])

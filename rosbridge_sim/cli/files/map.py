@@ -24,6 +24,9 @@ from rosbridge_sim.shell.files.other_formats import MAP_IS, find_other_formats
 MAX_ROWS: Final = 60
 """Intersections that are listed for people."""
 
+MAX_KINDS: Final = 10
+"""Kinds of lanes that are listed for people."""
+
 WIDTH: Final = 110
 """Width of lines with many names, as in the help texts."""
 
@@ -193,7 +196,8 @@ def _show_figures(account: _Report) -> None:
         f"it to change into, {lanes['num_to_stop_lines']:,} that end at a stop line; "
         f"{lanes['num_links_for_changes']:,} links for lane changes"
     )
-    _put_lanes("speed limit [km/h]", lanes["by_speed_limit"])
+    limits = {name if name != "0" else "none": kind for name, kind in lanes["by_speed_limit"].items()}
+    _put_lanes("speed limit [km/h]", limits)
     if account["nodes"]["num"]:
         _put_lanes("link type", lanes["by_link_type"])
     _put_lanes("width [m]", lanes["by_width"])
@@ -208,7 +212,13 @@ def _show_figures(account: _Report) -> None:
 
 
 def _put_lanes(title: str, kinds: Mapping[str, _Report]) -> None:
-    parts = [f"{safe(name)} ({kind['num']:,}, {kind['length_km']:.2f} km)" for name, kind in kinds.items()]
+    """Print the lanes of each kind, the longest first; many small kinds as one."""
+    shown = dict(list(kinds.items())[:MAX_KINDS])
+    rest = list(kinds.values())[MAX_KINDS:]
+    if rest:
+        sums = {key: sum(kind[key] for kind in rest) for key in ("num", "length_km")}
+        shown[f"{len(rest):,} others"] = sums
+    parts = [f"{safe(name)} ({kind['num']:,}, {kind['length_km']:.2f} km)" for name, kind in shown.items()]
     put(f"  {title}: {'; '.join(parts)}")
 
 

@@ -13,6 +13,7 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION, read_projection
+from rosbridge_sim.maps.opendrive.default_signals import plan_signals
 from rosbridge_sim.maps.opendrive.lane_layout import LanePiece, SectionLayout, lay_lanes, paint_marks
 from rosbridge_sim.maps.opendrive.lane_links import find_cuts, find_followers, find_neighbours, spread_cuts
 from rosbridge_sim.maps.opendrive.road_elements import (
@@ -25,9 +26,17 @@ from rosbridge_sim.maps.opendrive.road_elements import (
     read_junction,
     read_road,
 )
+from rosbridge_sim.maps.opendrive.signal_elements import (
+    LanesOfRoads,
+    SignalsRead,
+    find_stop_cuts,
+    read_crosswalks_of,
+    read_signals,
+)
 from rosbridge_sim.maps.road_map import Border, Projection, RoadMap
 from rosbridge_sim.maps.road_positions import RoadPositions, RoadSpan
 from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.xml_documents import Element, read_children
 
@@ -66,6 +75,7 @@ class _Reading:
         self._projection, self._origin = NO_PROJECTION, (0.0, 0.0, 0.0)
         self._roads: dict[str, Road] = {}
         self._junctions: dict[str, Junction] = {}
+        self._controllers: dict[str, list[str]] = {}
         self._pieces: list[LanePiece] = []
         self._borders: list[Border] = []
         self._num_points = 0
@@ -84,6 +94,9 @@ class _Reading:
             if junction.id in self._junctions:
                 raise element.error("id", "each junction once", junction.id)
             self._junctions[junction.id] = junction
+        elif element.tag == "controller":
+            signals = self._controllers.setdefault(element.word("id"), [])
+            signals += (one.word("signalId") for one in element.all("control"))
         elif element.tag == "header":
             self._take_header(element)
         elif element.tag not in READ:
@@ -97,6 +110,8 @@ class _Reading:
             raise DocumentError(f"{source}: expected at least one lane to drive on, got {got}")
         successors, link_notes = find_followers(self._roads, self._junctions.values(), pieces)
         left, right = find_neighbours(self._roads, pieces)
+        lanes = LanesOfRoads(self._roads, pieces, successors)
+        stops = lanes.find_stop_rows()
         roads = Roads(
             [piece.name for piece in pieces],
             [piece.line for piece in pieces],
@@ -105,13 +120,20 @@ class _Reading:
             [piece.speed_limit for piece in pieces],
             left=left,
             right=right,
+            is_stop=[row in stops for row in range(len(pieces))],
             borders={row: piece.border for row, piece in enumerate(pieces)},
             banks={row: piece.bank for row, piece in enumerate(pieces) if piece.bank is not None},
         )
         if not roads.is_flat:
             roads.derived(Surface)  # here and not at the first step: a large map needs a second
+        signals = read_signals(lanes)
+        plan = plan_signals(roads, lanes, signals, self._controllers) if signals.lights else None
+        self._note_signals(signals, plan)
         return RoadMap(
             *(name, self._projection, self._origin, roads),
+            plan=plan,
+            crosswalks=tuple(read_crosswalks_of(self._roads.values(), signals.lights)),
+            signs=signals.signs,
             notes=(*self._notes, *link_notes, *self._final_notes()),
             borders=tuple(self._borders),
             positions=RoadPositions(roads, [RoadSpan(one.road, one.lane, one.s, one.aside) for one in pieces]),
@@ -143,9 +165,9 @@ class _Reading:
         if road.id in self._roads:
             raise element.error("id", "each road once", road.id)
         self._roads[road.id] = road
-        cuts = {number: find_cuts(road, section) for number, section in enumerate(road.sections)}
+        cuts = find_stop_cuts(road)
         for number, section in enumerate(road.sections):
-            kept = spread_cuts(cuts[number], section)
+            kept = spread_cuts(cuts | find_cuts(road, section), section)
             layout = SectionLayout(road, section, kept)
             self._num_points += len(layout.s) * len(layout.edges)
             if self._num_points > MAX_POINTS:
@@ -164,6 +186,14 @@ class _Reading:
                 self._lane_types[lane.type] += 1
             elif name and name not in laid:
                 self._narrow.append(f"{road.id}.{number}.{name}")
+
+    def _note_signals(self, signals: SignalsRead, plan: SignalPlan | None) -> None:
+        if plan is not None:
+            num = len(plan.controllers)
+            self._notes.append(f"OpenDRIVE has no times of lights: {num:,} junctions with lights have a default plan")
+        if signals.kinds:
+            kinds = ", ".join(f"{num:,} of type {kind}" for kind, num in Counter(signals.kinds).most_common(MAX_KINDS))
+            self._notes.append(f"lights of other types are drawn as signs: {kinds}")
 
     def _final_notes(self) -> list[str]:
         """Return the notes about what was left out, at the end of those about mistakes."""

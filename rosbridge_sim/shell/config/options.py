@@ -64,6 +64,7 @@ class SimulatorOptions(TypedDict, total=False):
     world: bool
     scenario: str | Path
     map: str | Path | None
+    signal_plan: str | Path | None
     scenario_path: Sequence[str | Path] | str | Path
     param: Sequence[str] | str
     ego_entity: str

@@ -240,6 +240,9 @@ class Settings:
         or_none(text_of("a map's name, folder or .xodr file", "NAME|DIR|FILE"), "none"),
         "map that replaces the map of every scenario",
     )
+    signal_plan: str | None = _WORLD.flag(
+        None, FILE, "phases of the traffic lights of the map, JSON; see the guide Roads in OpenDRIVE"
+    )
     scenario_path: tuple[str, ...] = _WORLD.flag((), FOLDERS, "folder with scenarios that clients may load; repeatable")
     param: tuple[str, ...] = _WORLD.flag(
         (), ASSIGNMENTS, "value of a parameter of the scenario, of a file of OpenSCENARIO (*.xosc); repeatable"

@@ -68,6 +68,7 @@ class DiskLibrary:
         own_map: str | None = None,
         own_models: str | Path | None = None,
         stories: StoryOptions | None = None,
+        own_signal_plan: str | Path | None = None,
     ) -> None:
         """Create a library that reads each document when it is needed.
 
@@ -76,6 +77,7 @@ class DiskLibrary:
             own_map: name or folder of a map that replaces all other maps.
             own_models: file of the user's catalogue.
             stories: how files of OpenSCENARIO are read; None for the defaults.
+            own_signal_plan: file with the plan of the lights of the maps.
 
         Raises:
             DocumentError: a folder does not exist, or the catalogue cannot be used.
@@ -84,6 +86,7 @@ class DiskLibrary:
         self._own_map = own_map
         self._stories = stories or StoryOptions()
         self._story_maps: dict[str, Path] = {}
+        self._own_signal_plan = None if own_signal_plan is None else Path(own_signal_plan)
         self._opening: Path | None = None
         self._cache = DocumentCache()
         self.catalogue = BUILT_IN
@@ -256,7 +259,9 @@ class DiskLibrary:
             DocumentError: there is no such map, or a file cannot be used.
         """
         path = self.map_path(name)
-        return self._cache.get("map", path, self.map_files(name), lambda: read_map_at(path))
+        plan = self._own_signal_plan
+        files = [*self.map_files(name), *([] if plan is None else [plan])]
+        return self._cache.get("map", path, files, lambda: read_map_at(path, plan))
 
     def map_files(self, name: str) -> list[Path]:
         """Return the files of a map.
@@ -309,12 +314,21 @@ class DiskLibrary:
         return None
 
 
-def read_map_at(path: Path) -> RoadMap:
+def read_map_at(path: Path, signal_plan: Path | None = None) -> RoadMap:
     """Return the map of a folder or of a file.
+
+    Args:
+        signal_plan: file with the plan of its lights.
 
     Raises:
         DocumentError: it cannot be used.
     """
+    if signal_plan is not None:
+        # Imported here, so that a start without such a file is faster.
+        from rosbridge_sim.maps.signal_plan_file import MAX_PLAN_BYTES, set_signal_plan  # noqa: PLC0415
+
+        content = read_bounded(signal_plan, MAX_PLAN_BYTES)
+        return set_signal_plan(read_map_at(path), content, str(signal_plan))
     if path.is_dir():
         return read_map(read_folder(path), str(path))
     form = find_file_format(path.name, _beginning(path)) or FILE_FORMATS[0]
@@ -345,7 +359,7 @@ def open_library(settings: Settings) -> DiskLibrary:
         is_lenient=settings.lenient,
         drives_ego=settings.ego == "story",
     )
-    return DiskLibrary(settings.scenario_path, settings.map, settings.catalogue, stories)
+    return DiskLibrary(settings.scenario_path, settings.map, settings.catalogue, stories, settings.signal_plan)
 
 
 def refuse_map_file(path: Path) -> None:

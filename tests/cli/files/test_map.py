@@ -239,6 +239,14 @@ def test_opendrive_file_is_described_like_any_map(tmp_path: Path) -> None:
     assert not named["small.xodr"]["mistakes"]
 
 
+def test_many_widths_are_folded_and_a_missing_limit_is_none(tmp_path: Path) -> None:
+    lanes = [lane(-i, width=f'<width sOffset="0" a="{3 + i / 100}" b="0" c="0" d="0"/>') for i in range(1, 13)]
+    (tmp_path / "wide.xodr").write_bytes(document(road(sections=section([lane(0), *lanes]))))
+    lines = run("map", "info", str(tmp_path / "wide.xodr")).lines
+    assert "  speed limit [km/h]: none (12, 1.20 km)" in lines
+    assert any(line.endswith("3.1 (1, 0.10 km); 2 others (2, 0.20 km)") for line in lines)
+
+
 # What lies kilometres away
 
 

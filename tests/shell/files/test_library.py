@@ -10,6 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.library import DATA, DiskLibrary
+from rosbridge_sim.world.state.world import DT
 from tests.maps.opendrive.xodr_texts import document, road
 from tests.shell.files.conftest import Lay
 
@@ -184,6 +185,21 @@ def test_scenario_names_an_opendrive_map_in_its_folders(tmp_path: Path) -> None:
     for name in ("../outside", "outside", "link", "link.xodr", "inner/Town"):
         with pytest.raises(DocumentError, match="no map"):
             library.map(name)
+
+
+def test_signal_plan_of_the_user_is_read_again_when_it_changes(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    light = '<signals><signal id="T" s="60" t="-4" type="1000001" orientation="+" dynamic="yes"/></signals>'
+    (tmp_path / "a.xodr").write_bytes(document(road(more=light)))
+    library = DiskLibrary(own_map=str(tmp_path / "a.xodr"), own_signal_plan=plan)
+    for seconds in (5, 12):
+        phases = [{"green": ["T"], "seconds": seconds}]
+        plan.write_text(json.dumps({"junctions": {"signal T": {"phases": phases, "yellow": 0, "all_red": 1}}}))
+        found = library.map("any").plan
+        assert found is not None
+        assert found.cycle[0] == (seconds + 1) / DT
+    with pytest.raises(DocumentError, match="cannot be read"):
+        DiskLibrary(own_signal_plan=tmp_path / "gone").map("track")
 
 
 def test_map_folder_without_its_files_is_an_error(tmp_path: Path) -> None:
