@@ -187,10 +187,11 @@ class NodeServices(FarOffers, Generic[Service]):
             on_reply(False, why.encode())  # noqa: FBT003 - see `OnReply`
 
         body = service.request.type.encode_json(value)
-        caller = self._caller(node, now) if node else self
+        caller = self.meet(node, now) if node else self
         self._bus.call(caller, name, body, on_answer, now=now)
 
-    def _caller(self, node: str, now: float) -> CallingNode:
+    def meet(self, node: str, now: float) -> CallingNode:
+        """Return a node that calls, as a participant of the bus."""
         caller = self.callers.pop(node, None) or CallingNode(self._graph, node, self._policy)
         self.callers[node] = caller
         if len(self.callers) > MAX_CALLERS:  # one that the master does not know goes first

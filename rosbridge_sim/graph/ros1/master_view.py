@@ -30,9 +30,9 @@ class MasterView(Record):
     nodes: Mapping[Registration, Sequence[str]]
     types: Mapping[str, str]
 
-    def has(self, node: str) -> bool:
-        """Return True if a node is on the graph."""
-        return any(node in nodes for nodes in self.nodes.values())
+    def names(self) -> set[str]:
+        """Return the names of all nodes on the graph."""
+        return {node for nodes in self.nodes.values() for node in nodes}
 
     def of(self, node: str) -> set[Registration]:
         """Return the registrations of a node."""

@@ -35,17 +35,6 @@ def _same(name: str) -> str:
     return name
 
 
-def name_there(name: str, namespace: str) -> str:
-    """Return the name on the graph of a name on the bus."""
-    return namespace + name
-
-
-def name_here(name: str, namespace: str) -> str | None:
-    """Return the name on the bus of a name on the graph; None if it is not in the namespace, or not valid."""
-    short = name.removeprefix(namespace) if name.startswith(f"{namespace}/") else ""
-    return short if is_name(short) else None
-
-
 ROS1_GRAPH: Final = FarGraph(
     title="ROS 1",
     name="/ros1",

@@ -102,6 +102,11 @@ class MessageCutter:
         self._data = bytearray()
         self._skip = 0  # bytes of a message that is too long
 
+    @property
+    def is_within(self) -> bool:
+        """True if memory is taken for a message that is not complete."""
+        return self._taken > 0
+
     def feed(self, data: bytes) -> Iterator[bytes]:
         """Yield the messages that are complete with these bytes; all of them must be taken before the next call."""
         if self._skip:

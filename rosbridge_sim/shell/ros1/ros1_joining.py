@@ -18,7 +18,7 @@ from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
-from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH, name_there
+from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import Room
 from rosbridge_sim.graph.stamps import Stamps
@@ -28,7 +28,8 @@ from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.shell.files.definitions import MAX_DEFINITION_SIZE, Texts
-from rosbridge_sim.shell.ros1.ros1_node import Ros1Choices, Ros1Node
+from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
+from rosbridge_sim.shell.ros1.ros1_node import Ros1Node
 from rosbridge_sim.shell.ros1.service_links import FarServices
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, addresses, call
 
@@ -85,23 +86,17 @@ async def join_ros1(
     choices = await choose(settings, os.environ)
     store = bus.store if bus.store.ros == 1 else Store(texts, leniency=LENIENCY, ros=1)
     types = Ros1Types(bus.store, store, lambda name: find_service_text(name, os.environ))
-    node = Ros1Node(choices, types, MasterParameters(bus.parameters))
+    services = NodeServices(ROS1_GRAPH, bus, types, policy, far := FarServices(bus, choices))
+    node = Ros1Node(choices, types, MasterParameters(bus.parameters), services, far)
     if stamps is not None:
         node.on_clock = lambda is_simulated: stamps.settle(loop.time(), is_simulated=is_simulated)
 
-    async def find(name: str) -> str:
-        return str(await call(choices.master, "lookupService", choices.name, name))
-
-    namespace, max_size = choices.namespace, choices.max_message_size
-    far = FarServices(bus, find, choices.name, name_there=lambda name: name_there(name, namespace), max_size=max_size)
-    far.room = choices.room
-    node.far_services = far
-    node.services = NodeServices(ROS1_GRAPH, bus, types, policy, far)
-    node.gateway = Gateway(ROS1_GRAPH, bus, types, node, policy, topics=Rule(settings.ros1_topics))
-    node.gateway.on_change = scheduler.look
-    scheduler.add(node.gateway)
+    gateway = Gateway(ROS1_GRAPH, bus, types, node, policy, topics=Rule(settings.ros1_topics))
+    gateway.on_change = scheduler.look
+    scheduler.add(gateway)
+    node.serve(gateway)
     _log.info("node %s of ROS 1 at the master %s", choices.name, choices.master)
-    return JoinedRos1(node.gateway, node)
+    return JoinedRos1(gateway, node)
 
 
 async def choose(settings: Settings, environment: Mapping[str, str]) -> Ros1Choices:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Mapping
+from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError
@@ -31,7 +32,8 @@ def look_at_master(master: str, server: str, environment: Mapping[str, str]) -> 
 async def _look(master: str, server: str, environment: Mapping[str, str]) -> SeenMaster:
     try:
         uri = master_of(master, environment)
-        state, types = await call(uri, "getSystemState", CALLER), await call(uri, "getTopicTypes", CALLER)
+        ask = partial(call, uri, is_master=True)
+        state, types = await ask("getSystemState", CALLER), await ask("getTopicTypes", CALLER)
         seen = SeenMaster(uri, view=read_view(state, types), server=server)
     except (DocumentError, GraphError) as error:
         return SeenMaster("", why_no_master=str(error))

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import OnReply
-from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
 from rosbridge_sim.graph.ros1.tcpros import Room, with_length
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.shell.ros1.topic_links import LOST, exchange_headers
+from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
+from rosbridge_sim.shell.ros1.topic_links import LOST, REST_TIMEOUT, exchange_headers
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, connect
 
 MAX_IDLE: Final = 4
@@ -62,7 +62,8 @@ async def serve_calls(
 
             room.take(length)
             try:
-                request = await reader.readexactly(length)
+                async with asyncio.timeout(REST_TIMEOUT):
+                    request = await reader.readexactly(length)
             finally:
                 room.give(length)
             call(request, on_reply)
@@ -72,38 +73,15 @@ async def serve_calls(
             await writer.drain()
         if not is_persistent:
             return
+        await asyncio.sleep(0)  # other work has its turn, however many requests have come
 
 
 class FarServices:
-    """Calls of services that nodes provide, over connections that are kept; see `FarCalls`.
+    """Calls of services that nodes provide, over connections that are kept; see `FarCalls`."""
 
-    Attributes:
-        room: for responses that have not come whole yet.
-    """
-
-    def __init__(
-        self,
-        bus: Bus,
-        find: Callable[[str], Awaitable[str]],
-        node: str,
-        *,
-        name_there: Callable[[str], str],
-        max_size: int,
-    ) -> None:
-        """Make no connection yet.
-
-        Args:
-            bus: our bus: the calls of a participant that leaves end there.
-            find: returns `rosrpc://HOST:PORT` of a service by its name there, or raises GraphError.
-            node: name of our node.
-            name_there: returns the name there of a service of the bus.
-            max_size: longest response [bytes].
-        """
-        self.room = Room(max_size)
-        self._node = node
-        self._find = find
-        self._name_there = name_there
-        self._max_size = max_size
+    def __init__(self, bus: Bus, choices: Ros1Choices) -> None:
+        """Make no connection yet; the calls of a participant that leaves the bus end."""
+        self._choices = choices
         self._idle: dict[str, list[tuple[asyncio.StreamReader, asyncio.StreamWriter]]] = {}
         self._running: dict[asyncio.Task[None], Call] = {}
         self._turns: dict[str, asyncio.Semaphore] = {}
@@ -168,17 +146,19 @@ class FarServices:
 
     async def _read_body(self, reader: asyncio.StreamReader) -> bytes:
         length = int.from_bytes(await reader.readexactly(4), "little")
-        if length > self._max_size or not self.room.take(length):
-            raise GraphError(f"its response has {length:,} bytes, expected at most {self._max_size:,}")
+        most = self._choices.max_message_size
+        if length > most or not self._choices.room.take(length):
+            raise GraphError(f"its response has {length:,} bytes, expected at most {most:,}")
         try:
-            return await reader.readexactly(length)
+            async with asyncio.timeout(REST_TIMEOUT):
+                return await reader.readexactly(length)
         finally:
-            self.room.give(length)
+            self._choices.room.give(length)
 
     async def _connect(self, name: str, service: Ros1Service) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        there = self._name_there(name)
-        fields = {"callerid": self._node, "service": there, "md5sum": service.md5, "type": service.name}
-        host, port = address_of(await self._find(there), "rosrpc")
+        there = self._choices.there(name)
+        fields = {"callerid": self._choices.name, "service": there, "md5sum": service.md5, "type": service.name}
+        host, port = address_of(str(await self._choices.ask("lookupService", there)), "rosrpc")
         reader, writer = await connect(host, port)
         try:
             await exchange_headers(reader, writer, {**fields, "persistent": "1", "tcp_nodelay": "1"})
@@ -205,10 +185,3 @@ async def probe(uri: str, name: str, node: str) -> dict[str, str]:
             return await exchange_headers(reader, writer, fields)
         finally:
             writer.close()
-
-
-def call_of(
-    services: NodeServices[Ros1Service], node: str, name: str, loop: asyncio.AbstractEventLoop
-) -> Callable[[bytes, OnReply], None]:
-    """Return a function that calls a service of the bus for a node."""
-    return lambda request, on_reply: services.call(node, name, request, on_reply, loop.time())

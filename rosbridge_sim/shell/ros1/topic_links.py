@@ -8,10 +8,14 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Type
 from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, read_header, write_header
 
 HEADER_TIMEOUT: Final = 5.0
 """Longest wait for the header of a connection [s]."""
+
+REST_TIMEOUT: Final = 30.0
+"""Longest wait for the next part of a message or a request that has begun [s]: it has taken memory for the whole."""
 
 MAX_BUFFERED: Final = 64 * 1024
 """Bytes in a socket's buffer from which on messages wait outside of it, where the oldest can be dropped."""
@@ -134,12 +138,29 @@ class SubscriberLink:
 
 
 async def receive(reader: asyncio.StreamReader, cutter: MessageCutter, take: Callable[[bytes], None]) -> None:
-    """Give all messages of a publisher to a function, until the connection ends; other work has its turns meanwhile."""
+    """Give all messages of a publisher to a function, until the connection ends; other work has its turns meanwhile.
+
+    Raises:
+        OSError: the connection has ended, or the rest of a message does not come.
+    """
     size = 0
-    while data := await reader.read(CHUNK):
+    while True:
+        async with asyncio.timeout(REST_TIMEOUT if cutter.is_within else None):
+            data = await reader.read(CHUNK)
+        if not data:
+            return
         for raw in cutter.feed(data):
             take(raw)
             size += max(len(raw), LEAST_SIZE)
             if size > BYTES_PER_TURN:
                 size = 0
                 await asyncio.sleep(0)
+
+
+def misfit(known: Ros1Type, header: Mapping[str, str], node: str) -> str:
+    """Return the text for a node with another definition of a type."""
+    found, md5 = header.get("type", "*"), header.get("md5sum", "*")
+    return (
+        f"{node} has {found[:100]} with md5 sum {md5[:40]}, and this server {known.name} with {known.md5};"
+        " choose --release, or give its package by --schema-path"
+    )

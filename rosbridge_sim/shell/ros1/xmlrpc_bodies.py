@@ -13,9 +13,6 @@ from typing import Any, Final
 
 from rosbridge_sim.errors import GraphError
 
-MAX_VALUES: Final = 50_000
-"""Most values in an answer: reading so many takes 0.2 s. The graph of a thousand topics has 5,000."""
-
 MAX_DEPTH: Final = 110
 """Deepest nesting of values: as deep as a parameter may be, and some more."""
 
@@ -38,7 +35,7 @@ def write_answer(value: list[Any]) -> bytes:
     return xmlrpc.client.dumps((value,), methodresponse=True).encode(errors="replace")
 
 
-def read_call(body: bytes, max_values: int = MAX_VALUES) -> tuple[str, Sequence[Any]]:
+def read_call(body: bytes, max_values: int) -> tuple[str, Sequence[Any]]:
     """Return method and arguments of a call.
 
     Raises:
@@ -50,13 +47,13 @@ def read_call(body: bytes, max_values: int = MAX_VALUES) -> tuple[str, Sequence[
     return method, args
 
 
-def read_answer(body: bytes) -> Any:  # noqa: ANN401 - any value of XML-RPC
+def read_answer(body: bytes, max_values: int) -> Any:  # noqa: ANN401 - any value of XML-RPC
     """Return the value of an answer of the form `[1, text, value]`, which all programs of ROS 1 give.
 
     Raises:
         GraphError: it is none, or the call was refused.
     """
-    args, _ = _read(body, MAX_VALUES)
+    args, _ = _read(body, max_values)
     try:
         ((code, text, value),) = args
     except (TypeError, ValueError):

@@ -23,13 +23,16 @@ IDLE_TIMEOUT: Final = 30.0
 """Longest wait for the next request, or for the rest of one [s]."""
 
 MAX_REQUEST: Final = 2**18
-"""Longest body of a request [bytes]: a list of a thousand publishers has 60 kB."""
+"""Longest body of a request, and of a node's answer [bytes]: a list of a thousand publishers has 60 kB."""
 
 MAX_VALUES: Final = 5_000
-"""Most values in a request: reading them takes 20 ms."""
+"""Most values in one: reading them takes 20 ms."""
 
 MAX_ANSWER: Final = 4 * 2**20
-"""Longest body of an answer [bytes]: the graph of a thousand topics has 300 kB, a robot description one million."""
+"""Longest answer of a master [bytes]: the graph of a thousand topics has 300 kB, a robot description one million."""
+
+MAX_ANSWER_VALUES: Final = 50_000
+"""Most values in one: reading so many takes 0.2 s. The graph of a thousand topics has 5,000."""
 
 MAX_HEAD: Final = 16 * 1024
 """Longest head [bytes]."""
@@ -63,12 +66,13 @@ def address_of(uri: str, scheme: str = "http") -> tuple[str, int]:
     return host, port
 
 
-async def call(uri: str, method: str, *args: object) -> Any:  # noqa: ANN401 - any value of XML-RPC
+async def call(uri: str, method: str, *args: object, is_master: bool = False) -> Any:  # noqa: ANN401 - any value
     """Return the value of an answer.
 
     Args:
         method: what to call.
         args: values of XML-RPC.
+        is_master: the answer may be long: a node may be anyone's, and reading takes time.
 
     Raises:
         GraphError: it cannot be reached, refuses, or answers in another form; the text says which.
@@ -81,7 +85,8 @@ async def call(uri: str, method: str, *args: object) -> Any:  # noqa: ANN401 - a
             reader, writer = await connect(host, port, MAX_HEAD)
             try:
                 writer.write(f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + body)
-                return read_answer((await _read_message(reader, MAX_ANSWER))[1])
+                max_size, max_values = (MAX_ANSWER, MAX_ANSWER_VALUES) if is_master else (MAX_REQUEST, MAX_VALUES)
+                return read_answer((await _read_message(reader, max_size))[1], max_values)
             finally:
                 writer.close()
     except (OSError, UnicodeError, asyncio.IncompleteReadError, asyncio.LimitOverrunError) as error:

@@ -40,7 +40,7 @@ class SmallMaster:
         self.nodes: dict[str, str] = {}
         self.services: dict[str, tuple[str, str]] = {}
         self.parameters: dict[str, Any] = {}
-        self.num_calls = 0
+        self.num_looks = 0
         self.forget()
 
     def forget(self) -> None:
@@ -63,7 +63,7 @@ class SmallMaster:
         return self.kinds["Publisher"].get(topic, {})
 
     def answer(self, method: str, args: Sequence[Any]) -> list[Any]:
-        self.num_calls += 1
+        self.num_looks += method == "getSystemState"
         node, *rest = args
         for kind, topics in self.kinds.items():
             if method == f"register{kind}":
@@ -210,9 +210,14 @@ class SmallNode:
 
     async def subscribe(self, topic: str, **fields: str) -> tuple[dict[str, str], Stream]:
         """Register as a subscriber and connect to the first publisher; its header, and the stream of messages."""
-        uris = await self.register("Subscriber", topic, fields.get("type", "*"))
-        _, host, port = await call(uris[0], "requestTopic", self.name, topic, [["TCPROS"]])
+        host, port = await self.ask_topic(topic, fields.get("type", "*"))
         return await self.connect(host, port, {"topic": topic, "type": "*", "md5sum": "*", **fields})
+
+    async def ask_topic(self, topic: str, type_name: str = "*") -> tuple[str, int]:
+        """Register as a subscriber; where the first publisher takes connections."""
+        uris = await self.register("Subscriber", topic, type_name)
+        _, host, port = await call(uris[0], "requestTopic", self.name, topic, [["TCPROS"]])
+        return host, port
 
     async def open_service(self, name: str, **fields: str) -> tuple[dict[str, str], Stream]:
         """Connect to a service; its header, and the stream of calls."""

@@ -241,6 +241,24 @@ async def test_a_node_is_master_of_synchronous_mode_until_it_dies(joined: Joined
     await until(lambda: not joined.sim.node.sync.is_on)  # type: ignore[union-attr] # see above
 
 
+@pytest.mark.parametrize("joined", [{"world": True, "start": "sync"}], indirect=True)
+async def test_a_node_that_ends_between_two_looks_is_no_master_any_more(
+    joined: Joined, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert joined.sim.node is not None
+    monkeypatch.setattr(ros1_node, "PERIOD", 0.5)
+    num = joined.master.num_looks
+    await until(lambda: joined.master.num_looks > num)
+    await joined.node.register("Publisher", "/rosout", "rosgraph_msgs/Log")
+    _, stream = await joined.node.open_service("/SyncModeCmd")
+    assert (await ask(stream, text_of("me") + b"\1" + (20).to_bytes(4, "little")))[0]
+    assert joined.sim.node.sync.is_on
+    await call(joined.master.uri, "unregisterPublisher", joined.node.name, "/rosout", joined.node.uri)
+    del joined.master.nodes[joined.node.name]
+    joined.node.die()
+    await until(lambda: not joined.sim.node.sync.is_on)  # type: ignore[union-attr] # see above
+
+
 # Parameters
 
 

@@ -56,9 +56,9 @@ async def test_both_sides_speak_with_the_standard_library(server: XmlRpcServer) 
 )
 def test_bodies_of_strangers_are_refused(body: bytes) -> None:
     with pytest.raises(GraphError):
-        read_call(body)
+        read_call(body, 50_000)
     with pytest.raises(GraphError):
-        read_answer(body)
+        read_answer(body, 50_000)
 
 
 async def test_requests_of_strangers_end_their_connection_alone(

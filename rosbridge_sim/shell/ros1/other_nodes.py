@@ -1,0 +1,202 @@
+"""The other nodes of the graph: what they publish and provide, and whether those that call services here still live.
+
+Nobody waits for a node: what a look finds new is asked for in tasks of its own, a few at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Coroutine
+from functools import partial
+from typing import Any, Final
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService
+from rosbridge_sim.graph.gateway.gateway import Gateway
+from rosbridge_sim.graph.gateway.node_services import NodeServices
+from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.gateway.sentences import OnceLog
+from rosbridge_sim.graph.ros1.master_view import MasterView
+from rosbridge_sim.graph.ros1.ros1_graph import type_of
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
+from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
+from rosbridge_sim.shell.ros1.service_links import FarServices, probe
+from rosbridge_sim.shell.ros1.topic_links import LOST
+from rosbridge_sim.shell.ros1.topic_readers import TopicReaders
+from rosbridge_sim.shell.ros1.xmlrpc_http import UnreachableError, call
+
+MAX_ASKED: Final = 50
+"""Most nodes that are asked for something at once; the others wait for a later look."""
+
+MAX_MISSED: Final = 3
+"""Pings in a row without an answer by which a node has gone; one whose port is closed has gone at once."""
+
+LEARN_AGAIN: Final = 10.0
+"""Time until a type that could not be learnt is asked for again [s]."""
+
+_log = logging.getLogger("rosbridge_sim.ros1")
+
+
+class OtherNodes:
+    """The other nodes.
+
+    Attributes:
+        gateway: hears of their publishers; set before the first look.
+        services: hears of their services; set before the first look.
+        far_services: calls their services; set before the first look.
+    """
+
+    gateway: Gateway[Ros1Type]
+    services: NodeServices[Ros1Service]
+    far_services: FarServices
+
+    def __init__(self, choices: Ros1Choices, types: Ros1Types, log: OnceLog, readers: TopicReaders) -> None:
+        """Know no node yet."""
+        self._choices = choices
+        self._types = types
+        self._log = log
+        self._readers = readers
+        self._loop = asyncio.get_running_loop()
+        self._asked: dict[object, asyncio.Task[None]] = {}
+        self._publishers: dict[str, Endpoint] = {}  # of the last look
+        self._told: dict[str, Endpoint] = {}  # those that the gateway knows
+        self._asked_at: dict[str, float] = {}  # unknown types -> when they were asked for
+        self._types_of: dict[tuple[str, str], FarService | None] = {}  # of services: (name, node) -> found
+        self._missed: dict[str, int] = {}  # pings without an answer, by the name of the node
+
+    def look(self, view: MasterView) -> None:
+        """Note what has changed on the graph, and ask new nodes for the rest."""
+        self._look_at_publishers(view)
+        self._look_at_services(view)
+        self._look_at_callers(view)
+
+    def stop(self) -> None:
+        """Ask nothing any more."""
+        for task in self._asked.values():
+            task.cancel()
+
+    def _ask(self, key: object, work: Coroutine[Any, Any, None]) -> bool:
+        """Start to ask a node; return False if that is under way, or too many are asked."""
+        if key in self._asked or len(self._asked) >= MAX_ASKED:
+            work.close()
+            return False
+        task = self._asked[key] = self._loop.create_task(work)
+        task.add_done_callback(partial(self._note_end, key))
+        return True
+
+    def _note_end(self, key: object, task: asyncio.Task[None]) -> None:
+        del self._asked[key]
+        if not task.cancelled() and (error := task.exception()) is not None:
+            assert isinstance(error, Exception)
+            self.gateway.fail(error)
+
+    # Publishers
+
+    def _look_at_publishers(self, view: MasterView) -> None:
+        self._publishers.clear()
+        for there, node in view.others("Publisher", self._choices.name):
+            topic, type_name = self._choices.here(there), view.types.get(there, "*")
+            if topic and type_of(type_name) is not None:
+                key = f"{node} publishes {topic}, {type_name}"
+                self._publishers[key] = Endpoint(key, topic, type_name, True, Quality(), node)  # noqa: FBT003 - a field
+        now = self._loop.time()
+        unknown = {one.type_name: one for one in self._publishers.values() if not self._types.is_known(one.type_name)}
+        self._asked_at = {name: at for name, at in self._asked_at.items() if name in unknown and at > now - LEARN_AGAIN}
+        for name, one in unknown.items():
+            if name not in self._asked_at and self._ask(name, self._learn(one)):
+                self._asked_at[name] = now
+        self._tell_publishers()
+
+    def _tell_publishers(self) -> None:
+        """Tell the gateway of publishers that have come or gone, whose types are known."""
+        passing = {key: one for key, one in self._publishers.items() if self._types.is_known(one.type_name)}
+        come = [one for key, one in passing.items() if key not in self._told]
+        gone = [key for key in self._told if key not in passing]
+        self._told = passing
+        if come or gone:
+            self.gateway.note_endpoints(come, gone, self._loop.time())
+
+    async def _learn(self, one: Endpoint) -> None:
+        try:
+            await self._readers.learn(one.node, one.topic, one.type_name)
+        except LOST as error:
+            self._log.tell(f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {error}")
+        else:
+            self._tell_publishers()
+
+    # Services
+
+    def _look_at_services(self, view: MasterView) -> None:
+        found = dict.fromkeys(view.others("Service", self._choices.name))
+        for one in [one for one in self._types_of if one not in found]:
+            del self._types_of[one]
+            self.far_services.forget(self._choices.here(one[0]))
+        for one in found:
+            if one not in self._types_of and self._choices.here(one[0]) and self._ask(one, self._meet_service(one)):
+                self._types_of[one] = None
+        self._tell_services()
+
+    def _tell_services(self) -> None:
+        self.services.set_foreign([one for one in self._types_of.values() if one is not None])
+
+    async def _meet_service(self, one: tuple[str, str]) -> None:
+        """Offer on the bus a service of another node, whose type its header names."""
+        there, node = one
+        try:
+            header = await probe(await self._choices.ask("lookupService", there), there, self._choices.name)
+        except LOST as error:
+            text = f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}"
+            self._log.tell(text, logging.INFO)
+            return
+        if type_of(header.get("type", "")) is not None and one in self._types_of:
+            found = FarService(self._choices.here(there), header["type"], node, header.get("md5sum", ""))
+            self._types_of[one] = found
+            self._tell_services()
+
+    # Callers
+
+    async def meet_caller(self, node: str) -> None:
+        """Note a node that calls a service here. One that the master knows can be seen to go."""
+        caller = self.services.meet(node, self._loop.time())
+        if not caller.was_seen:
+            try:
+                await self._choices.ask("lookupNode", node)
+            except GraphError:
+                return  # `rosservice call` in a terminal, or the master is away
+            caller.was_seen = True
+
+    def _look_at_callers(self, view: MasterView) -> None:
+        """Ask nodes that have called services here whether they live, first those that the master knows no more."""
+        names, callers = view.names(), self.services.callers
+        self._missed = {name: num for name, num in self._missed.items() if name in callers}
+        for name, caller in callers.items():
+            caller.was_seen = caller.was_seen or name in names
+        seen = [name for name, caller in callers.items() if caller.was_seen]
+        gone = [name for name in seen if name not in names]
+        for name in dict.fromkeys((*gone, *reversed(seen))):  # those that have called last before others
+            self._ask(("ping", name), self._ping(name))
+
+    async def _ping(self, node: str) -> None:
+        try:
+            uri = await self._choices.ask("lookupNode", node)
+        except UnreachableError:
+            return  # the master has gone, which says nothing of the node
+        except GraphError:
+            self._forget_caller(node)
+            return
+        try:
+            await call(uri, "getPid", self._choices.name)
+        except UnreachableError as error:
+            self._missed[node] = self._missed.get(node, 0) + 1
+            if self._missed[node] >= (1 if isinstance(error.__cause__, ConnectionRefusedError) else MAX_MISSED):
+                self._forget_caller(node)
+        except GraphError:
+            pass  # it answers
+        else:
+            self._missed.pop(node, None)
+
+    def _forget_caller(self, node: str) -> None:
+        self._missed.pop(node, None)
+        _log.info("node %s has gone", node)
+        self.services.forget_caller(node, self._loop.time())

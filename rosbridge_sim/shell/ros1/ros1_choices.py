@@ -1,0 +1,49 @@
+"""The choices for our node of ROS 1: its names, its addresses, and its master."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rosbridge_sim.graph.ros1.ros1_graph import is_name
+from rosbridge_sim.graph.ros1.tcpros import Room
+from rosbridge_sim.records import Record
+from rosbridge_sim.shell.ros1.xmlrpc_http import call
+
+
+class Ros1Choices(Record):
+    """The settings of the node.
+
+    Attributes:
+        master: URI of the master.
+        name: full name of the node.
+        namespace: stands before all names on the graph; empty, or absolute without a slash at its end.
+        host: where the node listens.
+        shown_host: host in its addresses, for other nodes.
+        max_message_size: longest message of another node [bytes].
+        room: for messages of all nodes that have not come whole yet.
+    """
+
+    master: str
+    name: str
+    namespace: str
+    host: str
+    shown_host: str
+    max_message_size: int
+    room: Room
+
+    def there(self, name: str) -> str:
+        """Return the name on the graph of a name on the bus."""
+        return self.namespace + name
+
+    def here(self, name: str) -> str:
+        """Return the name on the bus of a name on the graph; empty if it is not in the namespace, or not valid."""
+        short = name.removeprefix(self.namespace) if name.startswith(f"{self.namespace}/") else ""
+        return short if is_name(short) else ""
+
+    async def ask(self, method: str, *args: object) -> Any:  # noqa: ANN401 - any value of XML-RPC
+        """Call the master.
+
+        Raises:
+            GraphError: it refuses, or cannot be reached.
+        """
+        return await call(self.master, method, self.name, *args, is_master=True)
