@@ -6,7 +6,7 @@
 Eight nodes live at once, each for three seconds at most: they subscribe and read, or never read; publish to a client;
 provide a service that a client calls, and die in the middle of a call; call services; are the master of synchronous
 mode; or send rubbish. Half of them unregister at their end, the others are gone as by kill -9, and the master names
-them until the end of the part. Once in each tenth the master loses everything, as in a restart. At its end no node is
+them until the end of the part. Twice in each tenth the master loses everything, as in a restart. At its end no node is
 there: memory, descriptors, threads and tasks must then be as after the first tenth.
 
 Master and nodes are those of `tests/shell/ros1/small_ros1.py`, so no ROS is needed.
@@ -200,11 +200,10 @@ async def soak(seconds: float, seed: int, folder: Path, *, num_parts: int = 10) 
             lives = _Lives(master, client, report.num, seed)
             try:
                 for i in range(1, num_parts + 1):
-                    end = time.monotonic() + seconds / num_parts
-                    tasks = [asyncio.create_task(lives.live(end)) for _ in range(NUM_LIVES)]
-                    await asyncio.sleep(seconds / num_parts / 2)
-                    master.forget()
-                    await asyncio.gather(*tasks)
+                    for _ in range(2):
+                        end = time.monotonic() + seconds / num_parts / 2
+                        await asyncio.gather(*(lives.live(end) for _ in range(NUM_LIVES)))
+                        master.forget()  # a node that is there now would be unknown for ever
                     report.figures.append(await _settle(lives, client, server))
                     print(f"part {i}: {report.num.total():,} done, {report.figures[-1]}", flush=True)
             except (SoakError, ClientError) as error:

@@ -60,7 +60,7 @@ def read_header(data: bytes) -> dict[str, str]:
 
 
 class Room:
-    """Memory for all messages and requests that have not come whole yet: a sender may promise much, and send little.
+    """Memory for all messages and requests that have not come whole yet; it is taken by the bytes that have come.
 
     Attributes:
         left: what is free [bytes].
@@ -93,7 +93,7 @@ class MessageCutter:
 
         Args:
             max_size: longest message [bytes].
-            room: for messages that are not complete; `close` gives back what is taken.
+            room: for messages that are not complete; `close` gives back what they have.
         """
         self.num_skipped = 0
         self._room = room
@@ -119,17 +119,24 @@ class MessageCutter:
         while len(buffer) - at >= _LENGTH.size:
             (length,) = _LENGTH.unpack_from(buffer, at)
             end = at + _LENGTH.size + length
-            if length > self._max_size or (end > len(buffer) and not self._taken and not self._room.take(length)):
-                self.num_skipped += 1
-                self._skip = max(0, end - len(buffer))
+            if length > self._max_size:
+                self._skip_rest(end - len(buffer))
             elif end > len(buffer):
-                self._taken = length
                 break
             else:
-                self.close()
                 yield bytes(memoryview(buffer)[at + _LENGTH.size : end])
             at = min(end, len(buffer))
         del buffer[:at]
+        self.close()
+        if self._room.take(len(buffer)):
+            self._taken = len(buffer)
+        elif len(buffer) >= _LENGTH.size:
+            self._skip_rest(_LENGTH.size + _LENGTH.unpack_from(buffer)[0] - len(buffer))
+            buffer.clear()
+
+    def _skip_rest(self, num_bytes: int) -> None:
+        self.num_skipped += 1
+        self._skip = max(0, num_bytes)
 
     def close(self) -> None:
         """Give back the memory of a message that is not complete."""

@@ -25,7 +25,8 @@ from rosbridge_sim.shell.ros1.service_links import serve_calls
 from rosbridge_sim.shell.ros1.topic_links import CHUNK, LOST, SubscriberLink, misfit, take_header
 
 MAX_CONNECTIONS: Final = 500
-"""Most connections of nodes at once, to topics and services of ours."""
+"""Most connections of nodes at once, to topics and services of ours. One more takes the place of the oldest one that
+has not told its name."""
 
 _VALUES: Final = re.compile(r"(?<!md5 sum )\b[\d,]+\b|b?'.*'|b?\".*\"", re.DOTALL)
 """Numbers and quoted bytes of strangers in the line about a connection that is refused."""
@@ -63,6 +64,7 @@ class NodeServer:
         self._server: asyncio.Server | None = None
         self._writers: dict[str, _Writer] = {}
         self._connections: dict[asyncio.StreamWriter, None] = {}
+        self._silent: dict[asyncio.StreamWriter, None] = {}  # those whose header has not come, oldest first
         self._num_links = 0
 
     async def start(self) -> None:
@@ -127,11 +129,15 @@ class NodeServer:
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if len(self._connections) >= MAX_CONNECTIONS:
             self._log.tell(f"more than {MAX_CONNECTIONS} connections of nodes: the others are closed")
-            writer.transport.abort()
-            return
-        self._connections[writer] = None
+            oldest = next(iter(self._silent), writer)
+            self._silent.pop(oldest, None)
+            oldest.transport.abort()
+            if oldest is writer:
+                return
+        self._connections[writer] = self._silent[writer] = None
         try:
             header = await take_header(reader)
+            self._silent.pop(writer, None)
             node = header.get("callerid", "")
             if not is_name(node):
                 raise GraphError(f"expected a callerid such as /node; got {node[:100]!r}")
@@ -150,6 +156,7 @@ class NodeServer:
             pass  # it has gone, or is silent
         finally:
             del self._connections[writer]
+            self._silent.pop(writer, None)
             writer.close()
 
     async def _serve_topic(

@@ -1,13 +1,13 @@
 """The other nodes of the graph: what they publish and provide, and whether those that call services here still live.
 
-Nobody waits for a node: what a look finds new is asked for in tasks of its own, a few at once.
+Nobody waits for a node: what a look finds new is asked for in tasks, a few at once.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Coroutine
+from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, Final
 
@@ -27,7 +27,13 @@ from rosbridge_sim.shell.ros1.topic_readers import TopicReaders
 from rosbridge_sim.shell.ros1.xmlrpc_http import UnreachableError, call
 
 MAX_ASKED: Final = 50
-"""Most nodes that are asked for something at once; the others wait for a later look."""
+"""Most nodes that are asked for something at once; the others wait for their turn ..."""
+
+MAX_WAITING: Final = 2_000
+"""... and beyond so many for a later look."""
+
+GATHERING: Final = 0.1
+"""Time for which services that are found are gathered [s]: the bus hears of all at once."""
 
 MAX_MISSED: Final = 3
 """Pings in a row without an answer by which a node has gone; one whose port is closed has gone at once."""
@@ -59,6 +65,8 @@ class OtherNodes:
         self._readers = readers
         self._loop = asyncio.get_running_loop()
         self._asked: dict[object, asyncio.Task[None]] = {}
+        self._turns = asyncio.Semaphore(MAX_ASKED)
+        self._tell_later: asyncio.TimerHandle | None = None
         self._publishers: dict[str, Endpoint] = {}  # of the last look
         self._told: dict[str, Endpoint] = {}  # those that the gateway knows
         self._asked_at: dict[str, float] = {}  # unknown types -> when they were asked for
@@ -73,17 +81,21 @@ class OtherNodes:
 
     def stop(self) -> None:
         """Ask nothing any more."""
-        for task in self._asked.values():
-            task.cancel()
+        for one in (*self._asked.values(), self._tell_later):
+            if one is not None:
+                one.cancel()
 
-    def _ask(self, key: object, work: Coroutine[Any, Any, None]) -> bool:
-        """Start to ask a node; return False if that is under way, or too many are asked."""
-        if key in self._asked or len(self._asked) >= MAX_ASKED:
-            work.close()
+    def _ask(self, key: object, work: Callable[[], Coroutine[Any, Any, None]]) -> bool:
+        """Ask a node, in a task of its own; return False if that is under way, or too many wait."""
+        if key in self._asked or len(self._asked) >= MAX_WAITING:
             return False
-        task = self._asked[key] = self._loop.create_task(work)
+        task = self._asked[key] = self._loop.create_task(self._take_turn(work))
         task.add_done_callback(partial(self._note_end, key))
         return True
+
+    async def _take_turn(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+        async with self._turns:
+            await work()
 
     def _note_end(self, key: object, task: asyncio.Task[None]) -> None:
         del self._asked[key]
@@ -104,7 +116,7 @@ class OtherNodes:
         unknown = {one.type_name: one for one in self._publishers.values() if not self._types.is_known(one.type_name)}
         self._asked_at = {name: at for name, at in self._asked_at.items() if name in unknown and at > now - LEARN_AGAIN}
         for name, one in unknown.items():
-            if name not in self._asked_at and self._ask(name, self._learn(one)):
+            if name not in self._asked_at and self._ask(name, partial(self._learn, one)):
                 self._asked_at[name] = now
         self._tell_publishers()
 
@@ -133,11 +145,16 @@ class OtherNodes:
             del self._types_of[one]
             self.far_services.forget(self._choices.here(one[0]))
         for one in found:
-            if one not in self._types_of and self._choices.here(one[0]) and self._ask(one, self._meet_service(one)):
+            if (
+                one not in self._types_of
+                and self._choices.here(one[0])
+                and self._ask(one, partial(self._meet_service, one))
+            ):
                 self._types_of[one] = None
         self._tell_services()
 
     def _tell_services(self) -> None:
+        self._tell_later = None
         self.services.set_foreign([one for one in self._types_of.values() if one is not None])
 
     async def _meet_service(self, one: tuple[str, str]) -> None:
@@ -152,7 +169,7 @@ class OtherNodes:
         if type_of(header.get("type", "")) is not None and one in self._types_of:
             found = FarService(self._choices.here(there), header["type"], node, header.get("md5sum", ""))
             self._types_of[one] = found
-            self._tell_services()
+            self._tell_later = self._tell_later or self._loop.call_later(GATHERING, self._tell_services)
 
     # Callers
 
@@ -175,7 +192,7 @@ class OtherNodes:
         seen = [name for name, caller in callers.items() if caller.was_seen]
         gone = [name for name in seen if name not in names]
         for name in dict.fromkeys((*gone, *reversed(seen))):  # those that have called last before others
-            self._ask(("ping", name), self._ping(name))
+            self._ask(("ping", name), partial(self._ping, name))
 
     async def _ping(self, node: str) -> None:
         try:

@@ -19,6 +19,7 @@ class Registrations:
 
     Attributes:
         known: what the master has from us, with the type of a topic.
+        stale: what of it is registered once more, for the publishers of a topic in the answer.
         has_parameters: the master tells us of changes of parameters.
         uri: address of our own server.
         service_uri: address of our services.
@@ -33,6 +34,7 @@ class Registrations:
     def __init__(self, choices: Ros1Choices, parameters: MasterParameters, log: OnceLog) -> None:
         """Register nothing yet; the addresses are set before the first registration."""
         self.known: dict[Registration, str] = {}
+        self.stale: set[Registration] = set()
         self.has_parameters = self.is_ending = False
         self._choices = choices
         self._parameters = parameters
@@ -52,7 +54,9 @@ class Registrations:
             if wanted.get(one) != type_name and not self.is_ending:
                 await self.end(one)
         for one, type_name in wanted.items():
-            if one not in self.known and one not in self._refused and not self.is_ending:
+            is_due = one in self.stale or one not in self.known
+            if is_due and one not in self._refused and not self.is_ending:
+                self.stale.discard(one)
                 await self._register(one, type_name)
         await self._send_parameters()
 
@@ -86,6 +90,7 @@ class Registrations:
         except GraphError:
             pass  # the master does not know it
         self.known.pop(one, None)  # not before: the end of this node must not lose it
+        self.stale.discard(one)
 
     async def end_all(self) -> None:
         """End all registrations at once, as far as the master can be reached."""

@@ -235,10 +235,11 @@ class Ros1Node:
 
     def _ask_for_publishers(self, view: MasterView) -> None:
         """Subscribe anew to topics whose publishers the master has told us wrongly, or not at all."""
-        for one in [one for one in self._registrations.known if one.kind == "Subscriber"]:
+        for one in self._registrations.known:
             nodes = view.nodes.get(Registration("Publisher", one.name), ())
-            if self._readers.num_publishers(one.name) != len([node for node in nodes if node != self._choices.name]):
-                del self._registrations.known[one]
+            num = len([node for node in nodes if node != self._choices.name])
+            if one.kind == "Subscriber" and self._readers.num_publishers(one.name) != num:
+                self._registrations.stale.add(one)
 
     def _wanted(self, taken: Iterable[Registration]) -> dict[Registration, str]:
         """Return what is to be registered: registration -> type of a topic.
@@ -281,7 +282,8 @@ class Ros1Node:
 
     def _note_publishers(self, there: str, _uris: object) -> None:
         """Ask the master itself for the publishers of a topic: anyone could have sent the list."""
-        if self._registrations.known.pop(Registration("Subscriber", there), None) is not None:
+        if (one := Registration("Subscriber", there)) in self._registrations.known:
+            self._registrations.stale.add(one)
             self._is_changed.set()
 
     def _bus_info(self) -> list[list[object]]:

@@ -14,7 +14,7 @@ from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
 from rosbridge_sim.graph.ros1.tcpros import Room, with_length
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
-from rosbridge_sim.shell.ros1.topic_links import LOST, REST_TIMEOUT, exchange_headers
+from rosbridge_sim.shell.ros1.topic_links import LOST, exchange_headers, read_body
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, connect
 
 MAX_IDLE: Final = 4
@@ -42,17 +42,17 @@ async def serve_calls(
         call: calls the service.
         is_persistent: more than one call may come.
         max_size: longest request [bytes].
-        room: for requests that are not complete.
+        room: see `read_body`.
 
     Raises:
         OSError, asyncio.IncompleteReadError: the connection has ended.
     """
     loop = asyncio.get_running_loop()
     while True:
-        length = int.from_bytes(await reader.readexactly(4), "little")
-        if length > min(max_size, room.left):
-            reply = False, f"expected a request of at most {min(max_size, room.left):,} bytes; got {length:,}".encode()
-            is_persistent = False
+        try:
+            request = await read_body(reader, max_size, room)
+        except GraphError as error:
+            reply, is_persistent = (False, str(error).encode()), False
         else:
             future: asyncio.Future[tuple[bool, bytes]] = loop.create_future()
 
@@ -60,12 +60,6 @@ async def serve_calls(
                 if not future.done():
                     future.set_result((is_ok, body))
 
-            room.take(length)
-            try:
-                async with asyncio.timeout(REST_TIMEOUT):
-                    request = await reader.readexactly(length)
-            finally:
-                room.give(length)
             call(request, on_reply)
             reply = await future
         writer.write((b"\1" if reply[0] else b"\0") + with_length(reply[1]))
@@ -134,7 +128,7 @@ class FarServices:
         try:
             writer.write(with_length(request))
             is_ok = (await reader.readexactly(1)) == b"\1"
-            body = await self._read_body(reader)
+            body = await read_body(reader, self._choices.max_message_size, self._choices.room)
         except BaseException:
             writer.close()
             raise
@@ -143,17 +137,6 @@ class FarServices:
         else:
             writer.close()
         return is_ok, body
-
-    async def _read_body(self, reader: asyncio.StreamReader) -> bytes:
-        length = int.from_bytes(await reader.readexactly(4), "little")
-        most = self._choices.max_message_size
-        if length > most or not self._choices.room.take(length):
-            raise GraphError(f"its response has {length:,} bytes, expected at most {most:,}")
-        try:
-            async with asyncio.timeout(REST_TIMEOUT):
-                return await reader.readexactly(length)
-        finally:
-            self._choices.room.give(length)
 
     async def _connect(self, name: str, service: Ros1Service) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         there = self._choices.there(name)

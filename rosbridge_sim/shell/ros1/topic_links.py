@@ -9,13 +9,13 @@ from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type
-from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, read_header, write_header
+from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, Room, read_header, write_header
 
 HEADER_TIMEOUT: Final = 5.0
 """Longest wait for the header of a connection [s]."""
 
 REST_TIMEOUT: Final = 30.0
-"""Longest wait for the next part of a message or a request that has begun [s]: it has taken memory for the whole."""
+"""Longest wait for the next part of a message or a request that has begun [s]: it holds memory."""
 
 MAX_BUFFERED: Final = 64 * 1024
 """Bytes in a socket's buffer from which on messages wait outside of it, where the oldest can be dropped."""
@@ -65,6 +65,35 @@ async def take_header(reader: asyncio.StreamReader) -> dict[str, str]:
         if length > MAX_HEADER:
             raise GraphError(f"expected a connection header of at most {MAX_HEADER:,} bytes; got {length:,}")
         return read_header(await reader.readexactly(length))
+
+
+async def read_body(reader: asyncio.StreamReader, max_size: int, room: Room) -> bytes:
+    """Return a request or a response, which has its length before it.
+
+    Args:
+        max_size: longest one [bytes].
+
+    Raises:
+        GraphError: it is longer, or there is not enough memory for it.
+        OSError, asyncio.IncompleteReadError: the connection has ended, or the rest does not come.
+    """
+    length = int.from_bytes(await reader.readexactly(4), "little")
+    if length > max_size:
+        raise GraphError(f"expected at most {max_size:,} bytes; got {length:,}")
+    data = bytearray()
+    try:
+        while len(data) < length:
+            async with asyncio.timeout(REST_TIMEOUT):
+                part = await reader.read(min(CHUNK, length - len(data)))
+            if not part:
+                raise asyncio.IncompleteReadError(bytes(data[:100]), length)
+            data += part
+            if not room.take(len(part)):
+                del data[-len(part) :]
+                raise GraphError("nodes have sent too many bytes of messages that are not complete")
+    finally:
+        room.give(len(data))
+    return bytes(data)
 
 
 class SubscriberLink:

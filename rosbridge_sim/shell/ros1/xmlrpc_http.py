@@ -38,7 +38,7 @@ MAX_HEAD: Final = 16 * 1024
 """Longest head [bytes]."""
 
 MAX_CONNECTIONS: Final = 100
-"""Most connections at once to our server; rosmaster keeps one."""
+"""Most connections at once to our server; rosmaster keeps one. One more takes the place of the longest idle one."""
 
 _log = logging.getLogger("rosbridge_sim.ros1")
 
@@ -150,7 +150,7 @@ class XmlRpcServer:
         self.port = 0
         self._answer = answer
         self._server: asyncio.Server | None = None
-        self._writers: set[asyncio.StreamWriter] = set()
+        self._writers: dict[asyncio.StreamWriter, None] = {}  # longest idle first
         self._turn = asyncio.Lock()
 
     async def start(self, host: str) -> None:
@@ -166,24 +166,25 @@ class XmlRpcServer:
         """End all connections."""
         if self._server is not None:
             self._server.close()
-        for writer in self._writers:
+        for writer in list(self._writers):
             writer.transport.abort()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if len(self._writers) >= MAX_CONNECTIONS:
-            writer.transport.abort()
-            return
-        self._writers.add(writer)
+            idle = next(iter(self._writers))
+            del self._writers[idle]
+            idle.transport.abort()
+        self._writers[writer] = None
         try:
             while await self._serve_one(reader, writer):
-                pass
+                self._writers[writer] = self._writers.pop(writer, None)  # the last one now
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # the other side has gone, is silent, or speaks something else
         except GraphError as error:
             with suppress(OSError):
                 writer.write(_http("400 Bad Request", str(error).encode(), "text/plain", is_last=True))
         finally:
-            self._writers.discard(writer)
+            self._writers.pop(writer, None)
             writer.close()
 
     async def _serve_one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:

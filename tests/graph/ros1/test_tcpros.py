@@ -56,15 +56,17 @@ def test_a_message_of_four_gigabytes_takes_no_memory() -> None:
     assert cutter.num_skipped == 1
 
 
-def test_promises_of_many_senders_share_one_room() -> None:
+def test_what_many_senders_have_begun_shares_one_room_and_a_promise_takes_none() -> None:
     room = Room(100)
     first, second = (MessageCutter(80, room) for _ in range(2))
-    assert not list(first.feed(b"\x50\0\0\0x"))
-    assert not list(second.feed(b"\x50\0\0\0x"))
-    assert (second.num_skipped, room.left) == (1, 20)
-    assert list(second.feed(b"x" * 79 + with_length(b"hi"))) == [b"hi"], "it goes on after the message"
-    assert list(first.feed(b"x" * 79)) == [b"x" * 80]
-    assert room.left == 100
+    assert not list(first.feed(b"\x50\0\0\0"))
+    assert (room.left, first.is_within) == (96, True)
+    assert not list(first.feed(b"x" * 60))
+    assert not list(second.feed(b"\x50\0\0\0" + b"x" * 40))
+    assert (second.num_skipped, room.left) == (1, 36)
+    assert list(second.feed(b"x" * 40 + with_length(b"hi"))) == [b"hi"], "it goes on after the message"
+    assert list(first.feed(b"x" * 20)) == [b"x" * 80]
+    assert (room.left, first.is_within) == (100, False)
     assert not list(first.feed(b"\x50\0\0\0x"))
     first.close()
     assert room.left == 100

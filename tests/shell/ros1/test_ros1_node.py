@@ -16,7 +16,7 @@ import pytest
 from rosbridge_sim import Simulator
 from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.ros1.tcpros import with_length
-from rosbridge_sim.shell.ros1 import ros1_node, topic_links
+from rosbridge_sim.shell.ros1 import node_server, ros1_node, topic_links
 from rosbridge_sim.shell.ros1.xmlrpc_http import call
 from tests.graph.participants import Somebody
 from tests.shell.ros1.small_ros1 import (
@@ -386,6 +386,63 @@ async def test_malformed_headers_end_their_connection_alone(joined: Joined, line
         writer.close()
     assert len([line for line in lines() if "a node is refused" in line]) == len(bad) - 1
     await joined.client.values("/rosapi/topics", {})
+
+
+async def test_connections_that_say_nothing_make_way_for_nodes(joined: Joined, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node_server, "MAX_CONNECTIONS", 20)
+    await joined.client.send("advertise", topic="/words", type="std_msgs/String")
+    await joined.registered("/words")
+    host, port = await joined.node.ask_topic("/words")
+    silent = [await asyncio.open_connection(host, port) for _ in range(30)]
+    _, (reader, _) = await joined.node.subscribe("/words")
+    await joined.client.send("publish", topic="/words", msg={"data": "hi"})
+    assert await take_message(reader) == text_of("hi")
+    for _, writer in silent:
+        writer.close()
+
+
+async def test_nobody_waits_for_nodes_that_say_nothing(joined: Joined) -> None:
+    silent: list[asyncio.StreamWriter] = []
+    trap = await asyncio.start_server(lambda _reader, writer: silent.append(writer), "127.0.0.1", 0)
+    uri = f"//127.0.0.1:{trap.sockets[0].getsockname()[1]}/"
+    for i in range(60):
+        for kind, rest in (("Publisher", f"mute/T{i}"), ("Service", f"rosrpc:{uri}")):
+            await call(joined.master.uri, f"register{kind}", f"/mute_{i}", f"/mute_{i}", rest, f"http:{uri}")
+    await until(lambda: len(silent) > 20)
+    num = joined.master.num_looks
+    await joined.client.send("advertise", topic="/words", type="std_msgs/String")
+    await joined.registered("/words")
+    await until(lambda: joined.master.num_looks > num + 3)
+    trap.close()
+    for writer in silent:
+        writer.close()
+
+
+async def test_a_stranger_cannot_take_the_publishers_of_a_topic_away(joined: Joined) -> None:
+    joined.node.answer_header = {"type": "std_msgs/String", "md5sum": STRING_MD5}
+    await joined.node.register("Publisher", "/plan", "std_msgs/String")
+    await joined.client.send("subscribe", topic="/plan", type="std_msgs/String")
+    await until(lambda: joined.node.subscribers)
+    num = joined.master.num_looks
+    await call(joined.uri, "publisherUpdate", "/liar", "/plan", [])
+    await until(lambda: joined.master.num_looks > num + 2)
+    joined.node.say(text_of("turn left"))
+    assert await joined.client.message("/plan") == {"data": "turn left"}
+    assert len(joined.node.subscribers) == 1
+
+
+async def test_a_promise_of_many_bytes_takes_no_memory_from_others(
+    joined: Joined, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    streams = [(await joined.node.open_service("/rosapi/get_time", persistent="1"))[1] for _ in range(12)]
+    for _, writer in streams:
+        writer.write((15 * 2**20).to_bytes(4, "little") + b"x")
+    _, stream = await joined.node.open_service("/rosapi/get_param", persistent="1")
+    assert (await ask(stream, text_of("/robot/name") + text_of("")))[0]
+    monkeypatch.setattr(topic_links, "REST_TIMEOUT", 0.02)
+    _, (reader, writer) = await joined.node.open_service("/rosapi/get_time", persistent="1")
+    writer.write((15 * 2**20).to_bytes(4, "little") + b"x")
+    assert await reader.read() == b"", "its rest does not come"
 
 
 CLOSED = {

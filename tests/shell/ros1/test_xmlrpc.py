@@ -85,10 +85,12 @@ async def test_requests_of_strangers_end_their_connection_alone(
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     assert await reader.read() == b"", "it says nothing"
     writer.close()
+    monkeypatch.setattr(xmlrpc_http, "IDLE_TIMEOUT", 30.0)
     many = [await asyncio.open_connection("127.0.0.1", server.port) for _ in range(MAX_CONNECTIONS + 5)]
+    assert await call(f"http://127.0.0.1:{server.port}", "echo", 1) == [1], "the idle ones make way"
+    assert await many[0][0].read() == b""
     for _, writer in many:
         writer.close()
-    assert await call(f"http://127.0.0.1:{server.port}", "echo", 1) == [1]
 
 
 @pytest.mark.parametrize("uri", ["", "http://", "http://a", "ftp://a:1", "http://a:99999", "http://[", "rosrpc://a:1"])
