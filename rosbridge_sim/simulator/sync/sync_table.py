@@ -25,7 +25,7 @@ from enum import IntEnum, StrEnum
 from typing import Final
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, replace
 
 FRAME_MS: Final = 20
 """One frame [ms]: the simulator's own step, of which every time step is a multiple."""
@@ -158,7 +158,7 @@ REASONS: Final[Mapping[str, Reason]] = {
 """The text of a refusal -> its kind."""
 
 
-SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
+_NOT_PAUSED: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
     SyncState.FREE: {
         SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
         SyncEvent.START_MISFIT: _no(SyncState.FREE, _MISFIT),
@@ -171,18 +171,6 @@ SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
         SyncEvent.RESUME: _yes(SyncState.FREE),
         SyncEvent.RESET: _yes(SyncState.FREE, SyncEffect.DROP),
     },
-    SyncState.FREE_PAUSED: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.FREE_PAUSED, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.COMMAND: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE_PAUSED, _OFF),
-        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.FREE, SyncEffect.FLOW),
-        SyncEvent.RESET: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP),
-    },
     SyncState.OPEN: {
         SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
         SyncEvent.START_MISFIT: _no(SyncState.OPEN, _MISFIT),
@@ -194,18 +182,6 @@ SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
         SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
         SyncEvent.RESUME: _yes(SyncState.OPEN),
         SyncEvent.RESET: _yes(SyncState.OPEN, SyncEffect.DROP),
-    },
-    SyncState.OPEN_PAUSED: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.OPEN_PAUSED, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE_PAUSED, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN_PAUSED, _LEADERLESS),
-        SyncEvent.COMMAND: _yes(SyncState.OPEN_PAUSED, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN_PAUSED, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN_PAUSED, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.OPEN),
-        SyncEvent.RESET: _yes(SyncState.OPEN_PAUSED, SyncEffect.DROP),
     },
     SyncState.LED: {
         SyncEvent.START_BY_MASTER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
@@ -230,26 +206,6 @@ SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
         SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
         SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
         SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP),
-    },
-    SyncState.LED_PAUSED: {
-        SyncEvent.START_BY_MASTER: _yes(SyncState.LED_PAUSED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
-        SyncEvent.START_MISFIT: _no(SyncState.LED_PAUSED, _MISFIT),
-        SyncEvent.STOP_BY_MASTER: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
-        SyncEvent.TICK_BY_MASTER: _no(SyncState.LED_PAUSED, _IS_PAUSED),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED_PAUSED, _TAKEN),
-        SyncEvent.TICK_MISFIT: _no(SyncState.LED_PAUSED, _IS_PAUSED),
-        SyncEvent.COMMAND: _yes(SyncState.LED_PAUSED, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED_PAUSED, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED_PAUSED, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.LED, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_RUN: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_EARLY: _no(SyncState.LED_PAUSED, _IS_PAUSED),
-        SyncEvent.RESET: _yes(SyncState.LED_PAUSED, SyncEffect.DROP),
     },
     SyncState.WAITING: {
         SyncEvent.START_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
@@ -281,5 +237,40 @@ SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
         ),
         SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP, SyncEffect.REFUSE),
     },
+}
+"""The states without a pause, and every event that can happen in them."""
+
+_PAUSED_FORM: Final = {
+    SyncState.FREE: SyncState.FREE_PAUSED,
+    SyncState.OPEN: SyncState.OPEN_PAUSED,
+    SyncState.LED: SyncState.LED_PAUSED,
+}
+_REFUSED_IN_PAUSE: Final = frozenset({SyncEvent.TICK_BY_MASTER, SyncEvent.TICK_MISFIT, SyncEvent.TICK_EARLY})
+
+
+def _paused(state: SyncState, *on_resume: SyncEffect) -> dict[SyncEvent, SyncOutcome]:
+    """Return the rows of a state in a pause: those without the pause, but time stands, and ticks are refused."""
+    paused = _PAUSED_FORM[state]
+    rows = {
+        event: _no(paused, _IS_PAUSED)
+        if event in _REFUSED_IN_PAUSE
+        else replace(
+            row,
+            state=_PAUSED_FORM.get(row.state, row.state),
+            effects=tuple(effect for effect in row.effects if effect is not SyncEffect.FLOW),
+        )
+        for event, row in _NOT_PAUSED[state].items()
+    }
+    return rows | {SyncEvent.PAUSE: _yes(paused), SyncEvent.RESUME: _yes(state, *on_resume)}
+
+
+SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
+    SyncState.FREE: _NOT_PAUSED[SyncState.FREE],
+    SyncState.FREE_PAUSED: _paused(SyncState.FREE, SyncEffect.FLOW),
+    SyncState.OPEN: _NOT_PAUSED[SyncState.OPEN],
+    SyncState.OPEN_PAUSED: _paused(SyncState.OPEN),
+    SyncState.LED: _NOT_PAUSED[SyncState.LED],
+    SyncState.LED_PAUSED: _paused(SyncState.LED, SyncEffect.ANNOUNCE),
+    SyncState.WAITING: _NOT_PAUSED[SyncState.WAITING],
 }
 """Every state and every event that can happen in it."""

@@ -17,6 +17,7 @@ from rosbridge_sim.simulator.sync.sync_table import (
     MAX_USER_ID,
     MAX_WAITING_COMMANDS,
     NO_MASTER,
+    PAUSED,
     SYNC_TABLE,
     SyncEffect,
     SyncEvent,
@@ -107,6 +108,23 @@ ACTS: dict[SyncEvent, Callable[[Sync[str]], SyncOutcome | None]] = {
     SyncEvent.RESET: lambda s: s.forget(1.0),
 }
 ON_LOSS = {SyncEvent.LOSS_TO_RUN: "run", SyncEvent.LOSS_TO_PAUSE: "pause", SyncEvent.LOSS_TO_WAIT: "wait"}
+
+
+def test_only_resuming_ends_a_pause_and_lets_time_flow() -> None:
+    for state in PAUSED:
+        for event, outcome in SYNC_TABLE[state].items():
+            is_resumed = event is SyncEvent.RESUME
+            assert (outcome.state in PAUSED) is not is_resumed, (state, event)
+            assert is_resumed or SyncEffect.FLOW not in outcome.effects, (state, event)
+
+
+def test_without_a_master_no_state_is_led() -> None:
+    for state, rows in SYNC_TABLE.items():
+        for event, outcome in rows.items():
+            has_master = (state not in NO_MASTER or SyncEffect.LEAD in outcome.effects) and (
+                SyncEffect.RELEASE not in outcome.effects
+            )
+            assert (outcome.state not in NO_MASTER) is has_master, (state, event)
 
 
 @pytest.mark.parametrize("state", SyncState)
