@@ -11,8 +11,7 @@ A text message must be UTF-8 (RFC 6455 section 8.1); otherwise the connection en
 is ASCII, which is checked very fast. A long text beyond ASCII is checked in slices before the receiver gets it.
 The library's parser must only get complete frames, so that its state is always between two frames: incomplete data is
 kept here. A frame that is too long is passed on incomplete; it ends the connection.
-The HTTP request is read here, too, as far as the library would close it without an answer. What is read before a
-connection is trusted has a limit.
+The HTTP request before all of it is read in `request_reading.py`.
 Rejected design: a separate class beside `ServerConnection` would repeat its closing, its pings and its time-outs.
 """
 
@@ -23,31 +22,23 @@ from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import Protocol
 
-from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 from websockets.protocol import State
 
 from rosbridge_sim.link.frame_heads import BINARY, TEXT, head_of
-from rosbridge_sim.link.websocket_internals import MessageConnection, apply_mask
+from rosbridge_sim.link.websocket_internals import apply_mask
 from rosbridge_sim.long_text import LEAST, LongText, find_long_text
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.json_decoding import HEAVY
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.transport.inflate import Deflated, DeflatedText
-from rosbridge_sim.shell.transport.request_faults import TOO_LONG, find_fault, find_first_fault
+from rosbridge_sim.shell.transport.request_reading import MAX_EARLY, RequestConnection
 from rosbridge_sim.shell.transport.text_check import TextCheck
 from rosbridge_sim.shell.transport.waiting_pings import CONTROL, PING, take_out_pings
-
-MAX_EARLY = 16 * 2**10
-"""Received bytes that may wait before the other side is trusted, and the longest HTTP request, as in Node.js."""
 
 COMPRESSED_AT_ONCE = 32 * 2**10
 """Bytes compressed in one slice: 2 ms for text without repetition. A longer message is sent in fragments (RFC 6455
 section 5.4), and other clients have their turn in between."""
-
-MAX_DISCARDED = 16 * 2**20
-"""Bytes that are read and dropped behind a request that was turned away. A program that sends a body reads the answer
-when it has sent all of it; if the socket were closed before, the system would drop the answer, too."""
 
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport stops reading."""
@@ -59,7 +50,6 @@ that it is dead: the simulator stops its work within half a second, and most cal
 LARGE = 16 * 2**10
 """A frame of at least this size is not copied again to put its head in front [bytes]."""
 
-_BLANK_LINE = b"\r\n\r\n"
 _OPEN, _CLOSED = State.OPEN, State.CLOSED
 _WHOLE = (TEXT, BINARY)
 
@@ -93,7 +83,7 @@ class Receiver(Protocol):
         """
 
 
-class DirectConnection(MessageConnection, ServerConnection):
+class DirectConnection(RequestConnection):
     """A connection that reads and writes complete frames with this package's own code; `recv` returns nothing.
 
     Each message goes to a receiver, after `listen` was called.
@@ -101,9 +91,6 @@ class DirectConnection(MessageConnection, ServerConnection):
     Attributes:
         on_too_long: called with the size of a frame [bytes] before it is refused because it is too long; less than 0 if
             it is not masked. Without another end of the connection, the library closes it.
-        has_request: the head of its request is complete, or was turned away.
-        is_trusted: set before `listen`, and never reset. While it is False, fewer received bytes are kept.
-        num_early: bytes received after the HTTP request while the connection was not trusted.
         num_bytes_received: all bytes received, the HTTP request included.
         is_held: received data is kept for later.
         has_pings: `go_on_with_pings` must be called in a later turn, even while the receiver accepts no message.
@@ -114,16 +101,12 @@ class DirectConnection(MessageConnection, ServerConnection):
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self.on_too_long: Callable[[int], None] = _ignore
-        self.has_request = False
-        self.is_trusted = False
-        self.num_early = 0
         self.num_bytes_received = 0
         self.is_held = True
         self.has_pings = False
         self.unsent: deque[bytes] = deque()
         self.is_text = True
         self._receiver: Receiver | None = None
-        self._head = bytearray()  # the HTTP request so far
         self._num_compressed = 0  # bytes already sent of the first message in `unsent`
         self._kept = bytearray()  # an incomplete frame, or frames that wait for their turn
         self._need = 0  # length of `_kept` at which reading can continue
@@ -269,7 +252,7 @@ class DirectConnection(MessageConnection, ServerConnection):
         """Handle received bytes, or keep them."""
         self.num_bytes_received += len(data)
         if not self.is_trusted:
-            data = self._read_early(data)
+            data = self.read_early(data)
         kept: bytes | bytearray = self._kept
         if kept or self.is_held:
             kept += data
@@ -523,85 +506,3 @@ class DirectConnection(MessageConnection, ServerConnection):
         if not self.has_pings:
             self.has_pings = True
             self._receiver.wait(had_turn=True)
-
-    # The beginning
-
-    def _read_early(self, data: bytes) -> bytes:
-        """Count received bytes; return those behind the HTTP request."""
-        if not self.has_request:
-            data = self._read_head(data)
-        self.num_early += len(data)
-        if self.has_request and self.request is None:  # it was turned away
-            if self.num_early > MAX_DISCARDED:
-                self.transport.abort()
-            return b""
-        if self.num_early > MAX_EARLY and self.core.state is State.CONNECTING:
-            # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
-            self.transport.abort()
-            return b""
-        return data
-
-    def _read_head(self, data: bytes) -> bytes:
-        """Keep the HTTP request until it is complete, and give it to the library; return the bytes behind it.
-
-        The library closes what it cannot read without an answer, so such a request is answered here.
-        """
-        head = self._head
-        searched = max(0, len(head) - len(_BLANK_LINE) + 1)
-        head += data
-        end = head.find(_BLANK_LINE, searched)
-        size = len(head) if end < 0 else end + len(_BLANK_LINE)
-        if size > MAX_EARLY:
-            self._turn_away(TOO_LONG, head)
-            return b""
-        if end < 0:
-            fault = find_first_fault(head)
-            if fault is None:
-                self.await_head()
-            else:
-                self._turn_away(fault, head)
-            return b""
-        self._head = bytearray()
-        self.has_request = True
-        whole, rest = bytes(head[:size]), bytes(head[size:])
-        if not self.answer(whole, len(rest)):
-            fault = find_fault(whole)
-            if fault is None:
-                self.feed_head(whole)
-            else:
-                self._turn_away(fault, whole)
-        return rest
-
-    def _turn_away(self, answer: bytes, head: bytes | bytearray) -> None:
-        """Answer a request that the library cannot read; then drop all that comes, and close.
-
-        Args:
-            answer: from `request_faults`. To HEAD it is sent without its body.
-            head: the request, as far as it has come.
-        """
-        if head.startswith(b"HEAD "):
-            answer = answer[: answer.index(_BLANK_LINE) + len(_BLANK_LINE)]
-        self.has_request = True
-        self._head = bytearray()
-        if self.transport.is_closing():
-            return
-        self.transport.write(answer)
-        if self.transport.can_write_eof():  # with TLS, the other side knows the end by the length of the answer
-            self.transport.write_eof()
-        self.cut_off_unread()
-
-    def await_head(self) -> None:
-        """Note that a part of a request has come, and more of it must come."""
-
-    def answer(self, _head: bytes, _num_behind: int) -> bool:
-        """Answer a whole request without the library; return False to leave it to the library.
-
-        Args:
-            _head: the request.
-            _num_behind: bytes that came behind it.
-        """
-        return False
-
-    def feed_head(self, head: bytes) -> None:
-        """Give a whole request to the library."""
-        self.feed(head)

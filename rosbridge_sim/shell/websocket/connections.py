@@ -10,7 +10,8 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from rosbridge_sim.loose_types import LibraryArgument
-from rosbridge_sim.shell.transport.server_connection import MAX_EARLY, DirectConnection
+from rosbridge_sim.shell.transport.request_reading import MAX_EARLY
+from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
 from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
@@ -139,7 +140,7 @@ class ServedConnection(DirectConnection):
         on_lost()
 
     def answer(self, head: bytes, num_behind: int) -> bool:
-        """Let the server answer; see `DirectConnection.answer`.
+        """Let the server answer; see `RequestConnection.answer`.
 
         Args:
             num_behind: bytes that came behind it.

@@ -15,8 +15,8 @@ import pytest_asyncio
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.link.websocket_internals import LAST_ANSWERS
-from rosbridge_sim.shell.transport import server_connection
-from rosbridge_sim.shell.transport.server_connection import MAX_EARLY
+from rosbridge_sim.shell.transport import request_reading
+from rosbridge_sim.shell.transport.request_reading import MAX_EARLY
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
 from tests.graph.bus_fixture import make_store
@@ -203,7 +203,7 @@ async def test_program_that_sends_a_long_body_first_reads_the_answer(listen: Lis
 async def test_refused_request_that_never_ends_is_cut_off(
     listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(server_connection, "MAX_DISCARDED", 100_000)
+    monkeypatch.setattr(request_reading, "MAX_DISCARDED", 100_000)
     server = await listen(open_timeout=FOR_EVER)
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"no request\r\n")
@@ -252,7 +252,7 @@ async def test_complete_request_outlives_the_time_for_the_request(
         await may_answer.wait()
         return b"late", "text/plain"
 
-    server.render_metrics = render
+    server.pages.render_metrics = render
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
     await until(lambda: any(each.has_request for each in server._tables.sockets))
@@ -274,7 +274,7 @@ async def test_answer_that_takes_too_long_is_503_and_a_log_line(
         await asyncio.get_running_loop().create_future()
         raise AssertionError
 
-    server.render_metrics = render
+    server.pages.render_metrics = render
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"GET /metrics?token=secret HTTP/1.1\r\nHost: localhost\r\n\r\n")
     answer = await rest_of(reader)
@@ -294,7 +294,7 @@ async def test_slow_reader_gets_all_of_a_long_answer(listen: Listen) -> None:
     async def render(_accepted: str) -> tuple[bytes, str]:
         return body, "text/plain"
 
-    server.render_metrics = render
+    server.pages.render_metrics = render
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port, limit=1_000)
     writer.write(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
     await until(lambda: any(each.num_bytes_unsent for each in server._tables.sockets))
