@@ -300,7 +300,7 @@ class Simulator:
         recordings.reader.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
         tell_of_world(server, node, reader)
-        server.page = web_page_of(settings, loop)
+        server.pages.page = web_page_of(settings, loop)
         await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
@@ -319,7 +319,7 @@ class Simulator:
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
         self._reports = ServerTopics(bus, server, loop, refusals, limits.policy, ages=self._bridge_ages)
         provide_node_parameters(bus, limits.policy, is_simulated=has_simulated_stamps(settings))
-        server.render_metrics = Metrics(
+        server.pages.render_metrics = Metrics(
             loop, server, node, refusals, lambda: self.num_bugs, ages=self._bridge_ages
         ).render
         self._readers = (recordings.reader, reader)
@@ -332,8 +332,8 @@ class Simulator:
 
     async def prepare_page(self) -> None:
         """Make the files of the web page, so that the first request does not wait for them."""
-        if self._server is not None and self._server.page is not None:
-            await self._server.page.prepare()
+        if self._server is not None and self._server.pages.page is not None:
+            await self._server.pages.page.prepare()
 
     def _make_node(
         self, bus: Bus, recordings: DiskRecordings, reader: ThreadReader, loop: asyncio.AbstractEventLoop

@@ -266,10 +266,10 @@ def web_page_of(settings: Settings, loop: asyncio.AbstractEventLoop) -> WebPage 
 
 def tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:
     """Have the pages of the server tell of the world: `/healthz` and `/map.json`."""
-    server.describe = partial(_describe, node)
+    server.pages.describe = partial(_describe, node)
     if node is not None:
-        server.why_unhealthy = lambda: node.failure
-        server.ask_map = MapPage(asyncio.get_running_loop(), node.component(RoadServices), reader).ask
+        server.pages.why_unhealthy = lambda: node.failure
+        server.pages.ask_map = MapPage(asyncio.get_running_loop(), node.component(RoadServices), reader).ask
 
 
 def _describe(node: SimulatorNode | None) -> dict[str, object]:

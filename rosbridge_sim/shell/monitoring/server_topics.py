@@ -99,7 +99,7 @@ class ServerTopics:
         self._refusals = RefusalLog(loop) if refusals is None else refusals
         self._refusals.on_change = self._tell_refusals_soon
         log_page = self._log_page = LogPage(self._refusals)
-        server.render_log = lambda has_warnings: log_page.render(has_warnings=has_warnings)
+        server.pages.render_log = lambda has_warnings: log_page.render(has_warnings=has_warnings)
         self._refusals_at = float("-inf")  # time of the last message on /sim/refusals [s]
         self._refusals_timer: asyncio.TimerHandle | None = None
         bus.on_refusal = self._refusals.note

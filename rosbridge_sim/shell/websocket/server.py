@@ -13,10 +13,9 @@ read, not in the next turn, costs a fifth of the calls if many clients talk to o
 from __future__ import annotations
 
 import asyncio
-import json
 import logging
 import ssl
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from functools import partial
 from http import HTTPStatus
@@ -32,11 +31,8 @@ from websockets.http11 import Request, Response
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.printable import MAX_QUOTED, printable
-from rosbridge_sim.shell.page.map_page import MapText
-from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.transport.inflate import (
     LateDeflateFactory,
 )
@@ -52,47 +48,25 @@ from rosbridge_sim.shell.websocket.connections import (
 )
 from rosbridge_sim.shell.websocket.freed_memory import MemoryReturn, resident_bytes, trim_memory
 from rosbridge_sim.shell.websocket.http_answers import (
-    JSON_KIND,
-    accepts,
-    answer_file,
-    answer_late,
-    answer_map,
-    answer_moved,
     answer_version,
-    answer_with,
     asks_for_websocket,
     is_upgrade,
-    links_of,
     method_of,
     not_allowed,
     read_target,
     settle_upgrade,
     speaks_another_version,
 )
+from rosbridge_sim.shell.websocket.http_pages import HttpPages
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import Holder, HttpReader, MemoryBudget
-from rosbridge_sim.shell.websocket.origins import RefusedOrigins, own_names
+from rosbridge_sim.shell.websocket.origins import own_names
+from rosbridge_sim.shell.websocket.request_gate import RequestGate
 from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
 from rosbridge_sim.shell.websocket.turns import Turns
-from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
-from rosbridge_sim.version import __version__
+from rosbridge_sim.shell.websocket.unauthenticated import WRONG_TOKEN, UnauthenticatedConnection
 
 _log = logging.getLogger("rosbridge_sim.server")
-
-STOPPING = "the server is shutting down"
-"""Reason in `/healthz` while the server stops."""
-
-_VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
-"""Answer of `/version`; the protocol has the name that its specification uses."""
-
-MAP_SERVICE = "/sim/map"
-"""The service that gives the map in pages; who may not call it may not read `/map.json` either."""
-
-REFUSALS_TOPIC = "/sim/refusals"
-"""The topic with the refusals of all clients; who may not subscribe to it may not read `/log.json` either."""
-
-UNAUTHENTICATED = "no token"
-"""Name in the log and on `/sim/refusals` for all connections that have not sent the token."""
 
 
 class Server:
@@ -101,21 +75,12 @@ class Server:
     Attributes:
         clients: the connected clients, in order of arrival.
         on_clients: called when a client has connected or left.
-        why_unhealthy: called for `/healthz`; returns why the server does not work fully, or None if it does.
-        describe: called for `/healthz`; returns values about the simulator, by name.
-        render_metrics: called for `/metrics` with the `Accept` header; returns the body and its content type. None if
-            there is no such page.
-        ask_map: called for `/map.json` with the `If-None-Match` header; returns the text once it is written, or None if
-            the settings switch it off. None if there is no such page.
-        render_log: called for `/log.json` with whether the log may be read, too; returns JSON text. None if there is
-            no such page.
-        page: the web page at `/`; None if there is none.
+        pages: the answers to plain HTTP requests.
         num_bugs: number of frames and requests that failed by an internal error; each is in the log with its traceback.
             Errors counted by the bus's guard are not included.
         port: the real port, after the start.
         addresses: addresses on which it listens, without the port.
         is_loopback: it can only be reached from this machine.
-        own_names: names of this machine that web pages may use.
     """
 
     def __init__(self, bus: Bus, limits: ServerLimits, on_change: Callable[[], None]) -> None:
@@ -126,12 +91,6 @@ class Server:
         """
         self.clients: dict[Client, None] = {}
         self.on_clients: Callable[[], None] = lambda: None
-        self.why_unhealthy: Callable[[], str | None] = lambda: None
-        self.describe: Callable[[], Mapping[str, object]] = dict
-        self.render_metrics: Callable[[str], Awaitable[tuple[bytes, str]]] | None = None
-        self.ask_map: Callable[[str], asyncio.Future[MapText] | None] | None = None
-        self.render_log: Callable[[bool], bytes] | None = None
-        self.page: WebPage | None = None
         self.num_bugs = 0
         self.port = 0
         self.addresses: tuple[str, ...] = ()
@@ -145,10 +104,9 @@ class Server:
         self._server: WebSocketServer | None = None
         self._tables = ConnectionTables(limits.access.max_strangers, limits.open_timeout, self._take_request)
         self.is_loopback = False
-        self.own_names: frozenset[str] = frozenset()
-        self._refused_origins = RefusedOrigins()
+        self._gate = RequestGate(bus, limits, self._tables)
+        self.pages = HttpPages(self._gate, limits, lambda: len(self.clients))
         self._left = ClientTotals()  # totals of the clients that have left
-        self._is_stopping = False
 
     @property
     def traffic(self) -> ClientTotals:
@@ -206,11 +164,11 @@ class Server:
         self.port = addresses[0][1]
         self.addresses = tuple(str(address[0]).partition("%")[0] for address in addresses)
         self.is_loopback = all(ip_address(address).is_loopback for address in self.addresses)
-        self.own_names = own_names(gethostname())
+        self._gate.own_names = own_names(gethostname())
 
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; it takes at most a second and a half."""
-        self._is_stopping = True
+        self.pages.is_stopping = True
         if self._budget is not None:
             self._budget.stop()
         if self._server is not None:
@@ -259,7 +217,7 @@ class Server:
             None if it has; else why it was closed, for example because there are too many clients.
         """
         assert self._turns is not None, "it listens"
-        note = partial(self._note_refused_token, socket)
+        note = partial(self._gate.note_refused_token, socket)
         access, is_talkative = self._limits.access, self._limits.is_talkative
         waiting = UnauthenticatedConnection(socket, access, self._turns, is_talkative=is_talkative, on_refusal=note)
         try:
@@ -283,15 +241,6 @@ class Server:
         finally:
             waiting.leave()
 
-    def _note_refused_token(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
-        """Report a connection without the token in the log and on `/sim/refusals`.
-
-        All of them count as one client there, because each attempt can come from another port or address.
-        """
-        text = f"{text}; the connection is {address_of(socket)}"
-        refusal = RefusedRequest(UNAUTHENTICATED, reason, op, "", text)
-        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
-
     def _trust(self, socket: ServedConnection) -> None:
         """Treat a connection as a client's from now on."""
         socket.is_trusted = True
@@ -312,7 +261,7 @@ class Server:
             True if it is served; otherwise the library reads the request, and asks `_process_request`.
         """
         request = read_upgrade(head, may_extend=self._limits.is_compressing)
-        if request is None or self._is_stopping or not self._may_enter(request):
+        if request is None or self.pages.is_stopping or not self._may_enter(request):
             return False
         self._tables.opening.leave(socket)
         self._trust(socket)
@@ -335,7 +284,7 @@ class Server:
 
     def _judge(self, request: Request) -> HandshakeRefusal | None:
         return self._limits.access.judge(
-            request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names
+            request, len(self.clients), is_loopback=self.is_loopback, own_names=self._gate.own_names
         )
 
     def _add_client(self, socket: ServedConnection, request: Request | None) -> Client:
@@ -428,70 +377,9 @@ class Server:
         self, connection: ServedConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
         path = request.path.partition("?")[0]
-        if path == "/healthz":
-            return self._tell_health(connection, request)
-        if path == "/version":
-            return self._tell_version(connection, request)
-        if path == "/metrics" and self.render_metrics is not None:
-            return self._tell_metrics(connection, request, self.render_metrics)
-        if path == "/map.json" and self.ask_map is not None:
-            return self._tell_map(connection, request, self.ask_map)
-        if path == "/log.json" and self.render_log is not None:
-            return self._tell_log(connection, request, self.render_log)
-        return self._judge_root(connection, request, path)
-
-    def _judge_root(
-        self, connection: ServedConnection, request: Request, path: str
-    ) -> Response | Awaitable[Response | None] | None:
-        is_root = path in {"", "/"}
-        if is_root and is_upgrade(request):
+        if path in {"", "/"} and is_upgrade(request):
             return self._judge_handshake(connection, request) if asks_for_websocket(request) else None
-        if is_root and (self.page is None or not accepts(request, "Accept", "text/html")):
-            return self._tell_links(connection, request)
-        if self.page is not None and (path or "/") in PATHS:
-            return self._answer_page(connection, request, self.page, path or "/")
-        page = self.page
-        if page is not None and path + "/" in page.folders:
-            return answer_moved(connection, path)
-        if page is not None and (folder := page.folder_of(path)) is not None:
-            return self._answer_below(connection, request, page, folder)
-        return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
-
-    async def _answer_page(self, connection: ServedConnection, request: Request, page: WebPage, path: str) -> Response:
-        """Answer with a file of the web page, for which nothing needs to be shown."""
-        file = (await asyncio.shield(page.ask()))[path]
-        return answer_file(connection, request, file, page.headers)
-
-    async def _answer_below(
-        self, connection: ServedConnection, request: Request, page: WebPage, folder: str
-    ) -> Response:
-        """Answer with a file of a folder beside the page, for which nothing needs to be shown."""
-        path = request.path.partition("?")[0]
-        file = await page.folders[folder].read(path)
-        if file is None:
-            return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; {folder} lists all\n")
-        return answer_file(connection, request, file, page.headers)
-
-    def _tell_links(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
-        pages = {"map.json": self.ask_map, "log.json": self.render_log, "metrics": self.render_metrics}
-        paths = [] if self.page is None else ["", *(folder.lstrip("/") for folder in self.page.folders)]
-        paths += [*(path for path, part in pages.items() if part is not None), "healthz", "version"]
-        access = self._limits.access
-        body = links_of(paths, has_version=access.judge_data(request, self.own_names) is None)
-        response = answer_with(connection, HTTPStatus.OK, body, JSON_KIND)
-        response.headers["Vary"] = "Accept"
-        return self._late_for_wrong_token(connection, request, response)
-
-    def _late_for_wrong_token(
-        self, connection: ServedConnection, request: Request, response: Response
-    ) -> Response | Awaitable[Response]:
-        """Delay an answer to a request with a wrong token; otherwise tokens could be tried here without a delay."""
-        access = self._limits.access
-        if access.is_shown(request) or not access.shows_any(request):
-            return response
-        self._limit(connection)
-        return answer_late(connection.lost, response, access.delay)
+        return self.pages.answer(connection, request, path)
 
     def _judge_handshake(
         self, connection: ServedConnection, request: Request
@@ -506,107 +394,11 @@ class Server:
                 self._tables.opening.leave(connection)
                 self._trust(connection)
             else:
-                self._limit(connection)
+                self._gate.limit(connection)
             return None
         if refusal.status is HTTPStatus.UNAUTHORIZED:
-            self._note_refused_token(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
-        self._refused_origins.log(_log, address_of(connection), refusal.text, refusal.origin)
-        response = connection.respond(refusal.status, refusal.text)
-        return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
-
-    def _delay(self, connection: ServedConnection, response: Response) -> Awaitable[Response]:
-        """Send the refusal of a token after a delay; until then the connection counts as one without the token."""
-        response.headers["WWW-Authenticate"] = "Bearer"
-        self._limit(connection)
-        return answer_late(connection.lost, response, self._limits.access.delay)
-
-    def _limit(self, connection: ServedConnection) -> None:
-        """Limit a connection without the token until it is trusted."""
-        connection.limit_message_size(min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size))
-        connection.refuse_extensions()  # without extensions, no decompression is needed
-        self._tables.opening.leave(connection)
-        if connection in self._tables.sockets:  # else it is already lost, and would never leave its place
-            self._tables.unauthenticated.take(connection)
-
-    def _tell_health(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer the state of the server as JSON. Requests that get no data get only status and reason."""
-        why = self.why_unhealthy() or (STOPPING if self._is_stopping else None)
-        health: dict[str, object] = {"status": "ok"}
-        if why is not None:
-            health = {"status": "stopping" if why == STOPPING else "failed", "reason": why}
-        access = self._limits.access
-        if access.judge_data(request, self.own_names) is None:
-            health |= {"version": __version__, **self.describe(), "clients": len(self.clients)}
-        code = HTTPStatus.OK if why is None else HTTPStatus.SERVICE_UNAVAILABLE
-        response = answer_with(connection, code, f"{json.dumps(health)}\n".encode(), JSON_KIND)
-        return self._late_for_wrong_token(connection, request, response)
-
-    def _tell_version(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer name, version and protocol, to those who may have data."""
-        refusal = self._refuse_data(connection, request, "/version")
-        return refusal or answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
-
-    def _tell_metrics(
-        self,
-        connection: ServedConnection,
-        request: Request,
-        render: Callable[[str], Awaitable[tuple[bytes, str]]],
-    ) -> Response | Awaitable[Response]:
-        """Answer all counters in Prometheus's format, to those who may have data."""
-        refusal = self._refuse_data(connection, request, "/metrics")
-        return refusal or self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
-
-    async def _answer_metrics(self, connection: ServedConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
-        body, content_type = await rendered
-        return answer_with(connection, HTTPStatus.OK, body, content_type)
-
-    def _tell_log(
-        self, connection: ServedConnection, request: Request, render: Callable[[bool], bytes]
-    ) -> Response | Awaitable[Response]:
-        """Answer the last refusals and warnings, to those who may have data and subscribe to `/sim/refusals`."""
-        refusal = self._refuse_data(connection, request, "/log.json")
-        if refusal is not None:
-            return refusal
-        policy = self._limits.policy
-        if not policy.may_subscribe(REFUSALS_TOPIC):
-            text = f"Not allowed to subscribe to {REFUSALS_TOPIC}, which tells the same\n"
-            return connection.respond(HTTPStatus.FORBIDDEN, text)
-        response = answer_with(connection, HTTPStatus.OK, render(policy.may_subscribe("/rosout")), JSON_KIND)
-        response.headers["Cache-Control"] = "no-store"
-        return response
-
-    def _tell_map(
-        self,
-        connection: ServedConnection,
-        request: Request,
-        ask: Callable[[str], asyncio.Future[MapText] | None],
-    ) -> Response | Awaitable[Response]:
-        """Answer the map as JSON, to those who may have data. Patterns for `/sim/map` hold for it."""
-        refusal = self._refuse_data(connection, request, "/map.json")
-        if refusal is not None:
-            return refusal
-        if not self._limits.policy.may_call(MAP_SERVICE):
-            return connection.respond(
-                HTTPStatus.FORBIDDEN, f"Not allowed to call {MAP_SERVICE}, which tells the same\n"
-            )
-        asked = ask(", ".join(request.headers.get_all("If-None-Match")))
-        if asked is None:
-            return connection.respond(HTTPStatus.NOT_FOUND, f"The settings have {MAP_SERVICE} turned off\n")
-        return answer_map(connection, asked, connection.lost)
-
-    def _refuse_data(
-        self, connection: ServedConnection, request: Request, path: str
-    ) -> Response | Awaitable[Response] | None:
-        """Refuse a path with data to requests without the token, or with an unknown Host; None if it may be told."""
-        refusal = self._limits.access.judge_data(request, self.own_names)
-        if refusal is None:
-            return None
-        response = connection.respond(refusal.status, refusal.text)
-        if refusal.status is not HTTPStatus.UNAUTHORIZED:
-            self._refused_origins.log(_log, address_of(connection), refusal.text, refusal.origin)
-            return response
-        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{path} needs the token")
-        return self._delay(connection, response)
+            self._gate.log(connection, refusal)
+        return self._gate.refuse(connection, refusal, Reason.WRONG_TOKEN, WRONG_TOKEN)
 
 
 def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:

@@ -373,8 +373,8 @@ async def test_healthz_and_links_answer_under_any_host_and_keep_details_from_unk
 
 async def test_host_name_of_the_machine_is_accepted(listen: Listen) -> None:
     _, server = await listen()
-    assert server.own_names == own_names(gethostname())
-    name = min(server.own_names, key=len)
+    assert server._gate.own_names == own_names(gethostname())
+    name = min(server._gate.own_names, key=len)
     assert await shake_hands(server.port, f"Origin: http://{name}", f"Host: {name}") == (101, "")
 
 

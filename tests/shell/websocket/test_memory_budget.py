@@ -212,7 +212,7 @@ async def test_unread_http_answers_count_and_their_readers_are_cut_off(
     server, _ = await listen(ServerLimits(memory_budget=16 * MB))
     text: asyncio.Future[MapText] = asyncio.get_running_loop().create_future()
     text.set_result(MapText("etag", b"x" * 12 * MB))
-    server.ask_map = lambda _known: text
+    server.pages.ask_map = lambda _known: text
     async with await Client.open(url_of(server)) as client:
         readers = [await asyncio.open_connection("127.0.0.1", server.port, limit=1) for _ in range(4)]
         for _, writer in readers:

@@ -32,8 +32,9 @@ from rosbridge_sim.shell.websocket import turns
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.connected_client import Client as Served
 from rosbridge_sim.shell.websocket.freed_memory import LARGE_FRAME
+from rosbridge_sim.shell.websocket.http_pages import STOPPING
 from rosbridge_sim.shell.websocket.limits import ServerLimits
-from rosbridge_sim.shell.websocket.server import STOPPING, Server
+from rosbridge_sim.shell.websocket.server import Server
 from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client, mask, open_raw
 
@@ -379,7 +380,7 @@ async def test_half_closing_client_gets_its_answers(listen: Listen, character: s
 
 async def test_healthz_tells_the_state_as_json(listen: Listen) -> None:
     port = await listen()
-    port.server.describe = lambda: {"frame": 7}
+    port.server.pages.describe = lambda: {"frame": 7}
     for target in ("/healthz", "/healthz?verbose=1"):
         status, body = await port.http(target)
         assert (status, json.loads(body)) == (
@@ -394,7 +395,7 @@ async def test_healthz_tells_the_state_as_json(listen: Listen) -> None:
 
 async def test_healthz_tells_why_the_server_is_of_no_use(listen: Listen) -> None:
     port = await listen()
-    port.server.why_unhealthy = lambda: "it is Monday"
+    port.server.pages.why_unhealthy = lambda: "it is Monday"
     status, body = await port.http("/healthz")
     health = json.loads(body)
     assert (status, health["status"], health["reason"]) == (503, "failed", "it is Monday")
@@ -468,9 +469,9 @@ async def test_page_of_metrics_is_there_where_it_is_rendered(listen: Listen, cap
     async def fail(_: str) -> NoReturn:
         raise ZeroDivisionError
 
-    port.server.render_metrics = render
+    port.server.pages.render_metrics = render
     assert await port.http("/metrics?x=1", "Accept: a", "Accept: b") == (200, "a, b")
-    port.server.render_metrics = fail
+    port.server.pages.render_metrics = fail
     assert await port.http("/metrics") == (500, "The server failed; its log says why\n")
     assert port.server.num_bugs == 1
     assert "ZeroDivisionError" in caplog.text
@@ -840,7 +841,7 @@ async def test_failing_request_and_failing_watcher_are_counted_and_survived(
     listen: Listen, caplog: pytest.LogCaptureFixture
 ) -> None:
     port = await listen()
-    port.server.why_unhealthy = break_down
+    port.server.pages.why_unhealthy = break_down
     assert await port.http("/healthz") == (500, "The server failed; its log says why\n")
     port.server.on_clients = break_down
     async with await Client.open(port.url) as client:
