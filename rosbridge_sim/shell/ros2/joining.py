@@ -29,7 +29,9 @@ from rosbridge_sim.shell.files.definitions import Texts, read_installed
 from rosbridge_sim.shell.ros2.dds_library import why_no_library
 from rosbridge_sim.shell.ros2.joint_node import JointNode
 from rosbridge_sim.shell.ros2.rclpy_actions import RclpyActions
-from rosbridge_sim.shell.ros2.rclpy_library import InstalledTypes, RclpyNode, share_folders, why_not_there
+from rosbridge_sim.shell.ros2.rclpy_node import RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_services import RclpyServices
+from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, share_folders, why_not_there
 from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME, Ros2Choices, Ros2Node
 
 _log = logging.getLogger("rosbridge_sim.ros2")
@@ -54,8 +56,8 @@ class JoinedRos2:
         for clock in (self.gateway, self._offers):
             while clock is not None and clock.next_due(0.0) is not None:
                 clock.advance(asyncio.get_running_loop().time() + PERIOD)
-        if self._offers is not None:
-            self._offers.node.start()
+        if not isinstance(self.node, Ros2Node):
+            self.node.start()
 
     def stop(self) -> None:
         """Leave the graph. A second call does nothing."""
@@ -67,28 +69,31 @@ class JoinedRos2:
 
 
 class _Offers:
-    """Services and actions of the bus for nodes, offered anew after each change of the bus; a clock of the server."""
+    """Services and actions of the bus for nodes, offered anew after each change of the bus; a clock of the server.
+
+    Attributes:
+        on_change: called if there is something to do.
+    """
 
     def __init__(
         self,
         services: NodeServices[CdrServiceType],
         actions: Ros2Actions,
-        node: RclpyNode,
+        far_services: RclpyServices,
         far_actions: RclpyActions,
-        on_change: Callable[[], None],
     ) -> None:
-        self.services = services
-        self.actions = actions
-        self.node = node
+        self._services = services
+        self._actions = actions
+        self._far_services = far_services
         self._far_actions = far_actions
         self._due: float | None = 0.0
-        self._on_change = on_change
+        self.on_change: Callable[[], None] = lambda: None
         services.on_change = self._mark
 
     def _mark(self) -> None:
         if self._due is None:
             self._due = asyncio.get_running_loop().time() + PERIOD
-            self._on_change()
+            self.on_change()
 
     def next_due(self, _now: float, /) -> float | None:
         """See `Clock`."""
@@ -97,24 +102,26 @@ class _Offers:
     def advance(self, now: float, /) -> None:
         """See `Clock`."""
         if self._due is not None and now >= self._due:
-            self._due = now if self.node.offer(self.services.offered()) else None
-            self._far_actions.offer(self.actions.offered())
+            self._due = now if self._far_services.offer(self._services.offered()) else None
+            self._far_actions.offer(self._actions.offered())
 
-    def note_actions(self, found: dict[str, tuple[str, str]]) -> None:
-        """Offer on the bus the actions that nodes have now: name -> type, node."""
-        self.actions.set_foreign([FarService(name, kind, node) for name, (kind, node) in found.items()])
-        self._far_actions.keep_clients(set(found))
+    def note_foreign(self, services: list[FarService], actions: list[FarService]) -> None:
+        """Offer on the bus what nodes provide now."""
+        self._services.set_foreign(services)
+        self._far_services.keep_clients({one.name for one in services})
+        self._actions.set_foreign(actions)
+        self._far_actions.keep_clients({one.name for one in actions})
 
     def leave(self, now: float) -> None:
         """End all that nodes offer on the bus."""
-        self.services.leave(now)
-        self.actions.leave(now)
+        self._services.leave(now)
+        self._actions.leave(now)
 
     def end(self, error: Exception) -> None:
         """See `Endable`."""
         _log.error("internal error; no service is offered to ROS 2 any more", exc_info=error)
         self._due = None
-        self.services.on_change = lambda: None
+        self._services.on_change = lambda: None
 
 
 def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, scheduler: Scheduler) -> JoinedRos2:
@@ -171,14 +178,8 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     scheduler.add(gateway)
     offers = None
     if rclpy is not None:
-        is_offered = partial(is_for_nodes, settings)
-        rclpy.services = NodeServices(ROS2_GRAPH, bus, types, policy, rclpy, is_offered=is_offered)
-        parameters = RemoteParameters(bus, policy, lambda service: service.owner is rclpy.services)
-        rclpy.services.check_request = parameters.check_request
-        far = RclpyActions(rclpy, loop)
-        far.actions = Ros2Actions(bus, types, policy, far, is_offered=is_offered)
-        offers = _Offers(rclpy.services, far.actions, rclpy, far, scheduler.look)
-        rclpy.on_actions = offers.note_actions
+        offers = _make_offers(rclpy, bus, types, policy, partial(is_for_nodes, settings))
+        offers.on_change = scheduler.look
         scheduler.add(offers)
     where = f"ROS_DOMAIN_ID={settings.ros2_domain}"
     if settings.ros2_discovery == "localhost":
@@ -190,6 +191,21 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     name = f"{settings.ros2_namespace}/{NODE_NAME}"
     _log.info("node %s of ROS 2 (%s): other nodes see it with %s", name, through, where)
     return JoinedRos2(gateway, node, offers)
+
+
+def _make_offers(
+    rclpy: RclpyNode, bus: Bus, types: CdrTypes, policy: Policy, is_offered: Callable[[str, Participant], bool]
+) -> _Offers:
+    loop = asyncio.get_running_loop()
+    far_services, far_actions = RclpyServices(rclpy, loop), RclpyActions(rclpy, loop)
+    services = NodeServices(ROS2_GRAPH, bus, types, policy, far_services, is_offered=is_offered)
+    parameters = RemoteParameters(bus, policy, lambda service: service.owner is services)
+    services.check_request = parameters.check_request
+    actions = Ros2Actions(bus, types, policy, far_actions, is_offered=is_offered)
+    far_services.services, far_actions.actions = services, actions
+    offers = _Offers(services, actions, far_services, far_actions)
+    rclpy.on_offers = offers.note_foreign
+    return offers
 
 
 def is_through_rclpy(choice: str) -> bool:

@@ -8,7 +8,7 @@ from rosbridge_sim.graph.gateway.far_graph import Endpoint
 from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
-from rosbridge_sim.shell.ros2.rclpy_library import RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_node import RclpyNode
 from rosbridge_sim.shell.ros2.ros2_node import Ros2Node
 
 
@@ -58,6 +58,10 @@ class JointNode:
     def write(self, topic: str, raw: bytes) -> bool:
         """See `FarNode`."""
         return self._writers[topic].write(topic, raw)
+
+    def start(self) -> None:
+        """Let messages come from now on."""
+        self._rclpy.start()
 
     def stop(self) -> None:
         """Leave the domain."""

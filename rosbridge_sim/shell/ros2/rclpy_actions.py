@@ -8,13 +8,14 @@ import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.ros2.cdr_types import CdrActionType
 from rosbridge_sim.graph.ros2.ros2_actions import FarGoalEar, Ros2Actions
-from rosbridge_sim.shell.ros2.rclpy_library import READY_PERIOD, RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_node import READY_PERIOD, RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_types import RclpyObject, rclpy_errors, read_cdr, write_cdr
 
 VERDICT_PATIENCE: Final = 1.0
 """Longest wait of the thread that spins for the loop, which accepts a goal or not [s]; then it is rejected."""
@@ -23,9 +24,6 @@ SERVER_PATIENCE: Final = 10.0
 """Longest wait for an action server that the graph has told of [s]."""
 
 _log = logging.getLogger("rosbridge_sim.ros2")
-
-_Class: TypeAlias = Any
-"""A class or an object of rclpy, which is not there when types are checked."""
 
 
 class RclpyActions:
@@ -39,8 +37,8 @@ class RclpyActions:
         self.actions: Ros2Actions | None = None
         self._node = node
         self._loop = loop
-        self._servers: dict[str, tuple[CdrActionType, _Class]] = {}
-        self._clients: dict[str, _Class] = {}
+        self._servers: dict[str, tuple[CdrActionType, RclpyObject]] = {}
+        self._clients: dict[str, RclpyObject] = {}
         self._missing: set[str] = set()
 
     # Actions of nodes
@@ -55,15 +53,15 @@ class RclpyActions:
         from rclpy.action import ActionClient  # noqa: PLC0415 - only with --ros2-domain
 
         found = self._node.types.find(action.name)
-        with self._node.errors():
+        with rclpy_errors():
             if name not in self._clients:
                 self._clients[name] = ActionClient(self._node.library, found, self._node.far(name))
-            message = self._node.read_cdr(raw, found.Goal)
+            message = read_cdr(raw, found.Goal)
         sent = _SentGoal(self._node, ear, self._loop)
         self._send(self._clients[name], message, sent, self._loop.time() + SERVER_PATIENCE)
         return sent.cancel
 
-    def _send(self, client: _Class, message: _Class, sent: _SentGoal, end: float) -> None:
+    def _send(self, client: RclpyObject, message: RclpyObject, sent: _SentGoal, end: float) -> None:
         """Send a goal as soon as its server is found."""
         if sent.ear.goal.is_done or self._node.is_stopped:
             return
@@ -92,7 +90,7 @@ class RclpyActions:
                 continue
             try:
                 found = self._node.types.find(action.name)
-                with self._node.errors():
+                with rclpy_errors():
                     goals = _ServedGoals(self, self._node, name, found)
                     self._servers[name] = (
                         action,
@@ -119,10 +117,10 @@ class _SentGoal:
         self.ear = ear
         self._node = node
         self._loop = loop
-        self._handle: _Class = None
+        self._handle: RclpyObject = None
         self._is_canceled = False
 
-    def begin(self, client: _Class, message: _Class) -> None:
+    def begin(self, client: RclpyObject, message: RclpyObject) -> None:
         future = client.send_goal_async(message, feedback_callback=self._report)
         future.add_done_callback(self._go_on)
 
@@ -135,11 +133,11 @@ class _SentGoal:
         if self._handle is not None:
             self._handle.cancel_goal_async()
 
-    def _report(self, message: _Class) -> None:
-        raw = self._node.write_cdr(message.feedback)
+    def _report(self, message: RclpyObject) -> None:
+        raw = write_cdr(message.feedback)
         self._node.inbox.put(lambda: self.ear.report(raw, self._loop.time()), len(raw))
 
-    def _go_on(self, future: _Class) -> None:
+    def _go_on(self, future: RclpyObject) -> None:
         handle = future.result() if future.exception() is None else None
         if handle is None or not handle.accepted:
             self._node.inbox.put(lambda: self.ear.reject("the goal was rejected by its node"))
@@ -149,20 +147,20 @@ class _SentGoal:
             handle.cancel_goal_async()
         handle.get_result_async().add_done_callback(self._end)
 
-    def _end(self, future: _Class) -> None:
+    def _end(self, future: RclpyObject) -> None:
         if future.exception() is not None:
             why = f"its node has sent no result: {future.exception()!r:.200}"
             self._node.inbox.put(lambda: self.ear.goal.fail(why))
             return
         answer = future.result()
-        raw, status = self._node.write_cdr(answer.result), answer.status
+        raw, status = write_cdr(answer.result), answer.status
         self._node.inbox.put(lambda: self.ear.end(status, raw), len(raw))
 
 
 class _ServedGoals:
     """Goals of nodes for one action. The methods are for the thread that spins."""
 
-    def __init__(self, actions: RclpyActions, node: RclpyNode, name: str, found: _Class) -> None:
+    def __init__(self, actions: RclpyActions, node: RclpyNode, name: str, found: RclpyObject) -> None:
         self._actions = actions
         self._node = node
         self._name = name
@@ -170,20 +168,20 @@ class _ServedGoals:
         self._judged: _ServedGoal | None = None
         self._goals: dict[bytes, _ServedGoal] = {}
 
-    def never(self, _handle: _Class) -> _Class:
+    def never(self, _handle: RclpyObject) -> RclpyObject:
         """Stand for a function that rclpy wants to have; each goal brings its own at its end."""
         return self._found.Result()
 
-    def judge(self, request: _Class) -> _Class:
+    def judge(self, request: RclpyObject) -> RclpyObject:
         """Accept a goal or not, as the bus says."""
         from rclpy.action import GoalResponse  # noqa: PLC0415 - only with --ros2-domain
 
-        raw = self._node.write_cdr(request)
+        raw = write_cdr(request)
         one = self._judged = _ServedGoal(self._node, self._found)
         self._node.inbox.put(lambda: one.take(self._actions.actions, self._name, raw), len(raw))
         return GoalResponse.ACCEPT if one.wait() else GoalResponse.REJECT
 
-    def begin(self, handle: _Class) -> None:
+    def begin(self, handle: RclpyObject) -> None:
         """Let the progress of an accepted goal be told."""
         one = self._judged
         assert one is not None  # rclpy has just called `judge` for this goal
@@ -192,7 +190,7 @@ class _ServedGoals:
         one.on_end = lambda: self._goals.pop(key, None)
         self._node.inbox.put(lambda: one.begin(handle))
 
-    def cancel(self, handle: _Class) -> _Class:
+    def cancel(self, handle: RclpyObject) -> RclpyObject:
         """Pass on that a node wants a goal to end."""
         from rclpy.action import CancelResponse  # noqa: PLC0415 - only with --ros2-domain
 
@@ -210,12 +208,12 @@ class _ServedGoal:
         on_end: called at its end.
     """
 
-    def __init__(self, node: RclpyNode, found: _Class) -> None:
+    def __init__(self, node: RclpyNode, found: RclpyObject) -> None:
         self.on_end: Callable[[], object] = lambda: None
         self._node = node
         self._found = found
         self._goal: Goal | None = None
-        self._handle: _Class = None
+        self._handle: RclpyObject = None
         self._waiting: list[Callable[[], None]] = []
         self._judged = threading.Event()
         self._is_late = False
@@ -232,7 +230,7 @@ class _ServedGoal:
         if self._is_late and self._goal is not None:
             self._goal.abandon()
 
-    def begin(self, handle: _Class) -> None:
+    def begin(self, handle: RclpyObject) -> None:
         """Tell what has been told so far."""
         self._handle = handle
         for work in self._waiting:
@@ -246,7 +244,7 @@ class _ServedGoal:
 
     def report(self, raw: bytes) -> None:
         """See `NodeGoalEar`."""
-        self._do(lambda: self._handle.publish_feedback(self._node.read_cdr(raw, self._found.Feedback)))
+        self._do(lambda: self._handle.publish_feedback(read_cdr(raw, self._found.Feedback)))
 
     def end(self, status: int, raw: bytes) -> None:
         """See `NodeGoalEar`."""
@@ -263,11 +261,11 @@ class _ServedGoal:
         elif len(self._waiting) < 1_000:  # noqa: PLR2004 - much more than fits between acceptance and beginning
             self._waiting.append(lambda: self._node.run(run))
 
-    def _finish(self, status: int, raw: bytes, handle: _Class) -> _Class:
+    def _finish(self, status: int, raw: bytes, handle: RclpyObject) -> RclpyObject:
         """Set the status at the end, and return the result (for the thread that spins)."""
-        ends: dict[int, _Class] = {GoalStatus.SUCCEEDED: handle.succeed, GoalStatus.CANCELED: handle.canceled}
+        ends: dict[int, RclpyObject] = {GoalStatus.SUCCEEDED: handle.succeed, GoalStatus.CANCELED: handle.canceled}
         with suppress(Exception):  # no change that the library allows, such as cancelled without being asked to
             ends.get(status, handle.abort)()
         if handle.is_active:
             handle.abort()
-        return self._node.read_cdr(raw, self._found.Result)
+        return read_cdr(raw, self._found.Result)

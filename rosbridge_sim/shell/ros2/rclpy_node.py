@@ -1,0 +1,325 @@
+"""Our node on the graph of ROS 2 by rclpy, ROS 2's own client library; nothing else imports it.
+
+One thread spins. It hands messages, requests and changes of the graph to the event loop through an `Inbox`, as bytes in
+CDR. The loop publishes, calls and answers by itself, because these functions do not wait.
+rclpy tells of no changes of the graph, so the thread compares it with what it was, ten times a second.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from functools import partial
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError, GraphError
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService
+from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.gateway.sentences import OnceLog
+from rosbridge_sim.graph.ros2.cdr_types import CdrType
+from rosbridge_sim.shell.ros2.inbox import Inbox
+from rosbridge_sim.shell.ros2.loopback import close_to_network
+from rosbridge_sim.shell.ros2.rclpy_graph import GraphView
+from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, RclpyObject, rclpy_errors, rclpy_quality
+from rosbridge_sim.shell.ros2.ros2_node import NODE_NAME, Ros2Choices, Taker
+
+PERIOD: Final = 0.1
+"""Least time between two looks at the graph [s]."""
+
+LOOK_SHARE: Final = 20
+"""A look at the graph is followed by at least this many times its duration without one."""
+
+MAX_ECHOES: Final = 1_000
+"""Messages of a topic that are remembered as our own: more than a subscription keeps."""
+
+CLOCK_ERROR_NS: Final = 1_000
+"""Rounding of a stamp of the library [ns]."""
+
+READY_PERIOD: Final = 0.01
+"""Time between two looks whether the provider of a service has been found [s]."""
+
+SWITCH_INTERVAL: Final = 0.0005
+"""Longest time for which the thread that spins keeps the event loop from going on [s]; 5 ms is Python's own."""
+
+_log = logging.getLogger("rosbridge_sim.ros2")
+
+
+@contextmanager
+def _environment(discovery: str) -> Iterator[None]:
+    """Set where rclpy looks for nodes, while it starts."""
+    wanted = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST" if discovery == "localhost" else "SUBNET"}
+    if discovery == "localhost":
+        wanted |= {"ROS_STATIC_PEERS": "", "ROS_LOCALHOST_ONLY": ""}
+    before = {name: os.environ.get(name) for name in wanted}
+    os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, text in before.items():
+            if text is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = text
+
+
+class RclpyNode:
+    """Our node; see `FarNode`.
+
+    Attributes:
+        gateway: gets what comes; set before the first turn of the loop.
+        inbox: takes the work for the loop.
+        library: the node of rclpy, for services and actions.
+        types: the installed types.
+        on_offers: gets the services and the actions of nodes, if any have changed.
+        is_stopped: it has left the domain.
+    """
+
+    def __init__(self, choices: Ros2Choices, types: InstalledTypes, loop: asyncio.AbstractEventLoop) -> None:
+        """Join the domain.
+
+        Args:
+            choices: see `Ros2Choices`.
+            types: the installed types.
+            loop: takes what comes.
+
+        Raises:
+            DocumentError: rclpy refuses the domain.
+        """
+        import rclpy  # noqa: PLC0415 - 0.5 s, and only with --ros2-domain
+        from rclpy.context import Context  # noqa: PLC0415
+        from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
+        from rclpy.node import Node  # noqa: PLC0415
+        from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+
+        self.gateway: Taker | None = None
+        self.inbox = Inbox(loop)
+        self.types = types
+        self.on_offers: Callable[[list[FarService], list[FarService]], None] = lambda _services, _actions: None
+        self._namespace = choices.namespace
+        self._loop = loop
+        self._context = Context()
+        try:
+            with _environment(choices.discovery):
+                rclpy.init(
+                    args=[],
+                    context=self._context,
+                    domain_id=choices.domain,
+                    signal_handler_options=SignalHandlerOptions.NO,
+                )
+                self.library = Node(
+                    NODE_NAME,
+                    context=self._context,
+                    namespace=choices.namespace or None,
+                    use_global_arguments=False,
+                    enable_rosout=False,
+                    start_parameter_services=False,
+                )
+        except Exception as error:  # noqa: BLE001 - a library with a part in C
+            raise DocumentError(f"ros2-domain: rclpy cannot join domain {choices.domain}: {error!r:.300}") from None
+        if choices.discovery == "localhost":
+            close_to_network(choices.domain)
+        self._writers: dict[str, RclpyObject] = {}
+        self._readers: dict[str, RclpyObject] = {}
+        self._wanted: dict[str, tuple[RclpyObject, Quality]] = {}  # readers
+        self._foreign: dict[str, int] = {}  # topic -> number of publishers of other programs
+        self._echoes: dict[str, deque[tuple[int, int, int]]] = {}
+        self._log = OnceLog(_log.name)
+        self.is_stopped = False
+        self._view = GraphView(self.library, choices.namespace)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.library)
+        self._work: deque[Callable[[], object]] = deque()
+        sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_INTERVAL))
+        self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
+
+    @property
+    def full_name(self) -> str:
+        """Full name of the node on the graph."""
+        return f"{self._namespace}/{NODE_NAME}"
+
+    def hide(self, program: bytes) -> None:
+        """Take no notice of the endpoints of a program.
+
+        Args:
+            program: first 12 bytes of their identities.
+        """
+        self._view.own.add(program)
+
+    def start(self) -> None:
+        """Let messages come from now on."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Leave the domain. A second call does nothing."""
+        if self.is_stopped:
+            return
+        self.is_stopped = True
+        self.inbox.stop()
+        self._executor.wake()
+        if self._thread.is_alive():
+            self._thread.join(timeout=1.0)  # `stop` of a server takes two seconds at most
+        with suppress(Exception):  # the library may be in the midst of something; the process ends anyway
+            self._executor.shutdown(timeout_sec=0.1)
+            self.library.destroy_node()
+            self._context.try_shutdown()
+
+    def _spin(self) -> None:
+        next_look = 0.0
+        while not self.is_stopped:
+            try:
+                self._executor.spin_once(timeout_sec=PERIOD)
+                while self._work:
+                    self._work.popleft()()
+                if time.monotonic() >= next_look:
+                    start = time.monotonic()
+                    self._look()
+                    now = time.monotonic()
+                    next_look = now + max(PERIOD, LOOK_SHARE * (now - start))
+            except Exception as error:  # noqa: BLE001 - a library, and what it calls: one error must not end all
+                if self.is_stopped or not self._context.ok():
+                    return
+                _log.error("internal error of rclpy", exc_info=error)
+                time.sleep(PERIOD)
+
+    # As a `FarNode`
+
+    def serve(self, gateway: Taker) -> None:
+        """Give messages and endpoints to a gateway."""
+        self.gateway = gateway
+
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
+        """See `FarNode`. rclpy cannot tell other programs that a writer is the sole one."""
+        found = self.types.find(cdr_type.name)
+        del is_sole
+        with rclpy_errors():
+            self._writers[topic] = self.library.create_publisher(
+                found, self.far(topic), rclpy_quality(quality), event_callbacks=_no_events(is_writer=True)
+            )
+        self._match_reader(topic)
+
+    def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        """See `FarNode`."""
+        self._wanted[topic] = self.types.find(cdr_type.name), quality
+        self._match_reader(topic)
+
+    def close_writer(self, topic: str) -> None:
+        """See `FarNode`."""
+        writer = self._writers.pop(topic, None)
+        self._echoes.pop(topic, None)
+        if writer is not None and not self.is_stopped:
+            self.destroy(self.library.destroy_publisher, writer)
+            self._match_reader(topic)
+
+    def close_reader(self, topic: str) -> None:
+        """See `FarNode`."""
+        self._wanted.pop(topic, None)
+        if not self.is_stopped:
+            self._match_reader(topic)
+
+    def write(self, topic: str, raw: bytes) -> bool:
+        """See `FarNode`."""
+        if self.is_stopped:
+            return False
+        start = time.time_ns()
+        try:
+            self._writers[topic].publish(raw)
+        except Exception as error:  # noqa: BLE001 - of the library
+            self._log.tell(f"{topic}: rclpy cannot publish a message: {error!r:.200}")
+            return False
+        if topic in self._wanted:
+            echoes = self._echoes.setdefault(topic, deque(maxlen=MAX_ECHOES))
+            echoes.append((start - CLOCK_ERROR_NS, time.time_ns() + CLOCK_ERROR_NS, hash(raw)))
+        return True
+
+    def _match_reader(self, topic: str) -> None:
+        """Subscribe if that is wanted. A topic of ours waits for another publisher, because we would hear ourselves.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+        wanted = self._wanted.get(topic)
+        is_needed = wanted is not None and (topic not in self._writers or self._foreign.get(topic, 0) > 0)
+        reader = self._readers.get(topic)
+        if reader is not None and not is_needed:
+            self.destroy(self.library.destroy_subscription, self._readers.pop(topic))
+        elif reader is None and is_needed and wanted is not None:
+            found, quality = wanted
+            with rclpy_errors():
+                self._readers[topic] = self.library.create_subscription(
+                    found,
+                    self.far(topic),
+                    partial(_hand_message, self, topic),
+                    rclpy_quality(quality),
+                    event_callbacks=_no_events(is_writer=False),
+                    raw=True,
+                )
+
+    def hand(self, topic: str, raw: bytes, stamp_ns: int) -> None:
+        """Hand a message to the loop (for the thread that spins)."""
+        self.inbox.put(lambda: self._receive(topic, raw, stamp_ns), len(raw))
+
+    def _receive(self, topic: str, raw: bytes, stamp_ns: int) -> None:
+        """Give a message to the gateway, unless it is our own."""
+        echoes = self._echoes.get(topic)
+        if echoes and any(start <= stamp_ns <= end and hash(raw) == key for start, end, key in echoes):
+            return
+        if self.gateway is not None and topic in self._readers:
+            self.gateway.receive(topic, raw, self._loop.time())
+
+    # The graph
+
+    def _look(self) -> None:
+        """Compare the graph with what it was, and hand the changes to the loop (in the thread that spins)."""
+        found, lost = self._view.look_at_topics()
+        if found or lost:
+            self.inbox.put(lambda: self._note(found, lost))
+        offers = self._view.look_at_services()
+        if offers is not None:
+            self.inbox.put(lambda: self.on_offers(*offers))
+
+    def _note(self, found: list[Endpoint], lost: list[Endpoint]) -> None:
+        """Take changes of topics."""
+        for one, step in [(one, 1) for one in found] + [(one, -1) for one in lost]:
+            if one.is_writer:
+                self._foreign[one.topic] = self._foreign.get(one.topic, 0) + step
+        for topic in {one.topic for one in (*found, *lost) if one.is_writer}:
+            if not self._foreign[topic]:
+                del self._foreign[topic]
+            with suppress(GraphError):
+                self._match_reader(topic)
+        if self.gateway is not None:
+            self.gateway.note_endpoints(found, [one.key for one in lost], self._loop.time())
+
+    # Small parts
+
+    def far(self, name: str) -> str:
+        """Return the name on the graph of a name on the bus."""
+        return self._namespace + name
+
+    def run(self, work: Callable[[], object]) -> None:
+        """Have a function called in the thread that spins, after those before it: tasks of rclpy have no order."""
+        if not self.is_stopped:
+            self._work.append(work)
+            self._executor.wake()
+
+    def destroy(self, destroy: Callable[[RclpyObject], object], one: RclpyObject) -> None:
+        """End something in the thread that spins, which may be waiting for it now."""
+        self.run(lambda: destroy(one))
+
+
+def _hand_message(node: RclpyNode, topic: str, raw: bytes, info: Mapping[str, int]) -> None:
+    node.hand(topic, raw, info["source_timestamp"])
+
+
+def _no_events(*, is_writer: bool) -> RclpyObject:
+    """Return the choice to be told of no events, of which rclpy would wait for several with each endpoint."""
+    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks  # noqa: PLC0415 - see above
+
+    return (PublisherEventCallbacks if is_writer else SubscriptionEventCallbacks)(use_default_callbacks=False)
