@@ -116,10 +116,12 @@ def send_goals_to_client(node: Ros, told: dict[str, Any]) -> None:
         wire.say("action_result", values={"sequence": [0, 1, 1]}, status=status, result=True, **fields)
 
     goal, goal_id = accepted()
-    wire.say("action_feedback", action="/web_fibonacci", id=goal_id, values={"sequence": [0, 1]})
-    wait_until(lambda: seen == [[0, 1]])
+    future = goal.get_result_async()
+    for i in range(5):
+        wire.say("action_feedback", action="/web_fibonacci", id=goal_id, values={"sequence": [0, i]})
     end(goal_id, 4)
-    result = done(goal.get_result_async())
+    result = done(future)
+    told["feedback"] = seen
     cancelled, cancelled_id = accepted()
     response = cancelled.cancel_goal_async()
     assert wire.hear("cancel_action_goal")["id"] == cancelled_id

@@ -14,6 +14,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from tests.support import ROOT, ServerProcess, miss, require_tool
+from tests.vector_player import load_vectors
 
 RCLPY = ROOT / ".venv" / "rclpy" / "bin" / "python"
 DOMAIN = "231"
@@ -49,7 +50,8 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServerPro
 
 
 def run_node(*command: str | Path, seconds: float) -> str:
-    env = os.environ | {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    own = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": str(ROOT)}
+    env = os.environ | own
     done = subprocess.run(
         [str(RCLPY), *map(str, command)], env=env, capture_output=True, text=True, timeout=seconds, check=False
     )
@@ -122,12 +124,25 @@ def test_services_pass_in_both_directions(tmp_path: Path) -> None:
     assert told["cbor"] == "over CBOR"
 
 
+@pytest.mark.parametrize("side", ["provider", "caller"])
+def test_checks_of_services_and_actions_hold_across_the_graph(tmp_path: Path, side: str) -> None:
+    wanted = [one["id"] for one in load_vectors() if one["id"].startswith(("services/", "actions/"))]
+    without = [name for names in NOT_FOR_NODES[side].values() for name in names]
+    assert not set(without) - set(wanted)
+    names = [name for name in wanted if name not in without]
+    script = ROOT / "tests" / "end_to_end" / "vectors_of_ros2.py"
+    with rclpy_server(tmp_path, "--no-world") as program:
+        told = json.loads(run_node(script, program.url, side, *names, seconds=400))
+    assert told == dict.fromkeys(names, "")
+
+
 def test_actions_and_parameters_pass_in_both_directions(tmp_path: Path) -> None:
     with rclpy_server(tmp_path, "--no-world", "--max-calls", "2", "--deny-param", "*:secret") as program:
         told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "actions_of_ros2.py", program.url, seconds=200))
     assert told["listed"] == ["test_msgs/Fibonacci", True]
     assert told["web to node"] == [[[0, 1, 1, 2, 3, 5], True, 4], "the goal was rejected by its node", 5]
     assert told["has cancelled the goal of a client that left"]
+    assert told["feedback"] == [[0, i] for i in range(5)], "in order, and before the result"
     assert told["node to web"] == [[[0, 1, 1], 4], [True, 5], False]
     assert told["parameters"] == PARAMETERS
 
@@ -158,6 +173,51 @@ def test_a_node_drives_in_lock_step_through_rclpy(tmp_path: Path) -> None:
     assert told["error"] <= 0.3
     assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"
 
+
+NOT_INSTALLED = [
+    *("services/unknown-package", "services/unknown-package-args", "services/unknown-package-result"),
+    *("services/known-package-lacks", "services/standard-package", "actions/unknown-package"),
+]
+
+NOT_FOR_NODES: dict[str, dict[str, list[str]]] = {
+    "provider": {
+        "a node has no class of such a type": NOT_INSTALLED,
+        "the number of fields is that of the type of the check": ["services/args-too-many"],
+        "a node cannot fail a call, nor answer one with another type": [
+            *("services/provider-refuses", "services/provider-refuses-bare", "services/bad-response"),
+            *("services/response-reason", "services/result-false-empty", "services/result-absent-empty"),
+            *("services/result-null-text", "services/result-false-other-object"),
+            *("services/result-absent-wrong-values", "services/result-empty-type-false"),
+            *("services/result-empty-type-absent", "services/response-unknown-id"),
+        ],
+        "rclpy has no such request": ["services/advertise-without-type", "services/unadvertise-unknown"],
+        "ROS 2 does not tell two providers of one name apart": [
+            *("services/duplicate-same-client", "services/duplicate-other-client"),
+        ],
+    },
+    "caller": {
+        "a node has no class of such a type": NOT_INSTALLED,
+        "rosapi is for clients": [
+            *("services/extra-type", "services/relative-name", "services/envelope", "services/type-spelling"),
+            *("services/unset-parameter", "services/id-suffix"),
+        ],
+        "rclpy makes no such request": [
+            *("services/args-by-position", "services/args-too-many", "services/args-unknown-field"),
+            *("services/args-wrong-type", "services/advertise-without-type", "services/response-unadvertised"),
+            *("actions/bad-args", "actions/wrong-type", "actions/cancel-all-by-call"),
+            *("actions/cancel-unknown-by-call", "actions/cancel-one-by-call"),
+        ],
+        "a failure is `success: false` for a node; other types have none": [
+            *("services/result-false-one-field", "services/result-false-other-object"),
+            *("services/result-empty-type-false", "services/result-empty-type-absent"),
+        ],
+        "its node still sees the service for a moment": ["services/provider-lost"],
+        "the graph lists no service that has never ended": ["services/duplicate-other-client"],
+        "a goal that fails is aborted for a node": ["actions/provider-lost", "actions/unadvertise"],
+        "ROS 2 does not tell whose goal it is": ["actions/caller-lost"],
+    },
+}
+"""Side of the node -> why a check of clients has no meaning there -> names."""
 
 PARAMETERS: dict[str, object] = {
     "read": ["1.5", "true", '"slow"', "[1,2]"],
