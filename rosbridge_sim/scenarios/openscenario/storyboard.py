@@ -2,8 +2,8 @@
 
 The machine knows neither the world nor actions: a host measures conditions, begins and ends actions, and says which are
 done. A frame is one call of `advance`. What decides the next frames is in `BoardState`, which is plain data, so a
-saved machine goes on to the bit. Conditions see the states as they were after the frame before, so the order of the
-elements in the file decides nothing.
+saved machine goes on to the bit. A condition sees each transition once: those since its last look, and at its first
+look those of the frame.
 
 The rules are those of ASAM OpenSCENARIO 1.3, section 8:
 
@@ -98,7 +98,10 @@ class BoardState:
     """All that changes, by numbers of parts and of conditions.
 
     Attributes:
-        states, changes, counts: of each part: `State`, `Transition` in the last frame, and number of executions.
+        states, changes, counts: of each part: `State`, last `Transition`, and number of executions.
+        marks: of each part, the number of its last transition among all.
+        mark, frame_mark: number of transitions so far, and before the last frame.
+        looks: of each condition, the number of transitions at its last look; -1 before the first one.
         before: of each condition, whether it held at the last look; -1 before the first one.
         history: of each condition with a delay, frames and values: from the frame on it was so.
         figures: of each condition, the figure that it compared last; 0 before the first look.
@@ -109,9 +112,13 @@ class BoardState:
     states: list[int]
     changes: list[int]
     counts: list[int]
+    marks: list[int]
+    looks: list[int]
     before: list[int]
     history: list[list[tuple[int, bool]]]
     figures: list[float]
+    mark: int = 0
+    frame_mark: int = 0
     is_over: bool = False
     verdict: str = ""
 
@@ -145,21 +152,19 @@ class Storyboard:
         self.parts: Sequence[BoardPart] = table.parts
         self.conditions: Sequence[StoryItem] = table.conditions
         self._delay = [round(each.get("delay", 0.0) / frame_time) for each in self.conditions]
-        self._seen_states: list[int] = []
-        self._seen_changes: list[int] = []
-        self._frame = 0
+        self._frame = self._since = 0
         self.state = self.fresh()
 
     def fresh(self) -> BoardState:
         """Return the state at the start."""
         num, most = len(self.parts), len(self.conditions)
         nothing: list[list[tuple[int, bool]]] = [[] for _ in range(most)]
-        return BoardState([0] * num, [0] * num, [0] * num, [-1] * most, nothing, [0.0] * most)
+        return BoardState([0] * num, [0] * num, [0] * num, [0] * num, [-1] * most, [-1] * most, nothing, [0.0] * most)
 
     def fits(self, state: BoardState) -> bool:
         """Return whether a state from outside can be one of this machine."""
-        parts = (state.states, state.changes, state.counts)
-        conditions = (state.before, state.history, state.figures)
+        parts = (state.states, state.changes, state.counts, state.marks)
+        conditions = (state.looks, state.before, state.history, state.figures)
         return (
             all(len(each) == len(self.parts) for each in parts)
             and all(len(each) == len(self.conditions) for each in conditions)
@@ -175,9 +180,7 @@ class Storyboard:
             host: what conditions and actions mean.
         """
         state = self.state
-        self._frame = frame
-        self._seen_states, self._seen_changes = list(state.states), list(state.changes)
-        state.changes = [0] * len(self.parts)
+        self._frame, state.frame_mark = frame, state.mark
         self._judge(host)
         if state.is_over:
             return
@@ -200,18 +203,21 @@ class Storyboard:
             self.state.verdict = "failure" if "FailureConditionGroup" in held else "success"
 
     def seen(self, kind: str, name: str, word: str) -> bool:
-        """Return whether an element of this kind and name was in a state, or made a transition, in the frame before.
+        """Return whether an element of this kind and name is in a state, or has made a transition since the last look.
+
+        The look is that of the condition that is measured now.
 
         Args:
             kind: one of `KINDS`.
             name: with the names around it before `::`, or alone.
             word: of `STATE_WORDS` or `CHANGE_WORDS`.
         """
+        state = self.state
         for number in self.find(kind, name):
             if word in STATE_WORDS:
-                if self._seen_states[number] == STATE_WORDS[word]:
+                if state.states[number] == STATE_WORDS[word]:
                     return True
-            elif self._seen_changes[number] == CHANGE_WORDS[word]:
+            elif state.changes[number] == CHANGE_WORDS[word] and state.marks[number] > self._since:
                 return True
         return False
 
@@ -281,7 +287,8 @@ class Storyboard:
 
     def _enter(self, number: int) -> None:
         state = self.state
-        state.states[number], state.changes[number] = State.RUNNING, Transition.START
+        state.states[number] = State.RUNNING
+        self._mark(number, Transition.START)
         state.counts[number] += 1
 
     def _leave(self, number: int, change: Transition) -> None:
@@ -289,7 +296,12 @@ class Storyboard:
         state, part = self.state, self.parts[number]
         most = part.item.get("maximumExecutionCount", 1) if part.kind in {"Event", "ManeuverGroup"} else 1
         state.states[number] = State.STANDBY if state.counts[number] < most else State.COMPLETE
-        state.changes[number] = change
+        self._mark(number, change)
+
+    def _mark(self, number: int, change: Transition) -> None:
+        """Note a transition."""
+        self.state.mark += 1
+        self.state.changes[number], self.state.marks[number] = change, self.state.mark
 
     def _stop(self, number: int, host: Host) -> None:
         """End an element and all within it before they are done."""
@@ -302,7 +314,8 @@ class Storyboard:
                 self._leave(each, Transition.STOP)
                 continue
             state.states[each] = State.COMPLETE
-            state.changes[each] = Transition.STOP if was_running else Transition.NONE
+            if was_running:
+                self._mark(each, Transition.STOP)
 
     def _within(self, number: int) -> Iterator[int]:
         for child in self.parts[number].children:
@@ -316,6 +329,8 @@ class Storyboard:
 
     def _holds(self, number: int, host: Host) -> bool:
         state, condition = self.state, self.conditions[number]
+        looked, state.looks[number] = state.looks[number], state.mark
+        self._since = looked if looked >= 0 else state.frame_mark
         is_so, figure = host.measure(condition)
         before, state.before[number] = state.before[number], int(is_so)
         state.figures[number] = figure if math.isfinite(figure) else 0.0

@@ -41,13 +41,14 @@ class StoryActor:
         mode: what moves it: STORY, PROGRAM or DRIVER.
         lane, s, offset, turned: where it is on a lane, see `OnLane`.
         x, y, z, yaw, roll, pitch: where it is in the map frame [m, rad].
-        speed: along its heading [m/s].
+        speed, way_speed: along its heading, and with which it moves in this frame [m/s].
         accel: [m/s^2].
         aside: speed to the left of its lane [m/s].
         travelled: way since the start [m].
         still, at_end, off_road: for how long it stands, is at the end of a road, is on no lane [s].
         route: rows of lanes that it takes where lanes fork.
         is_placed: an action has placed it in this frame.
+        is_changing_lane: from the end of this frame on it follows the line of the lane that it is on then.
     """
 
     uid: int = -1
@@ -63,6 +64,7 @@ class StoryActor:
     roll: float = 0.0
     pitch: float = 0.0
     speed: float = 0.0
+    way_speed: float | None = None
     accel: float = 0.0
     aside: float = 0.0
     travelled: float = 0.0
@@ -71,6 +73,7 @@ class StoryActor:
     off_road: float = 0.0
     route: list[int] = field(default_factory=list)
     is_placed: bool = False
+    is_changing_lane: bool = False
 
     @property
     def place(self) -> MapPlace:
@@ -89,10 +92,15 @@ class StoryActor:
 
 
 class Cast:
-    """The actors of a story in a world."""
+    """The actors of a story in a world.
 
-    def __init__(self, world: World, story_map: StoryMap, actors: Mapping[str, StoryActor]) -> None:
+    Attributes:
+        step: length of a frame [s].
+    """
+
+    def __init__(self, world: World, story_map: StoryMap, actors: Mapping[str, StoryActor], step: float = DT) -> None:
         self.world = world
+        self.step = step
         self.map = story_map
         self.actors = actors
         self._before: dict[str, tuple[float, float]] = {}
@@ -161,15 +169,15 @@ class Cast:
                 actor.speed, actor.accel = world.speed.item(row), world.accel.item(row)
                 actor.travelled += math.hypot(actor.x - before[0], actor.y - before[1])
                 self.take_lane(actor)
-            actor.still = actor.still + DT if abs(actor.speed) < STANDS else 0.0
+            actor.still = actor.still + self.step if abs(actor.speed) < STANDS else 0.0
             is_off = actor.lane < 0 or abs(actor.offset) > 0.5 * float(self.map.roads.width[actor.lane])
-            actor.off_road = actor.off_road + DT if is_off else 0.0
+            actor.off_road = actor.off_road + self.step if is_off else 0.0
 
     def begin_frame(self) -> None:
         """Note speeds and offsets before the actions of a frame change them."""
         self._before = {name: (actor.speed, actor.offset) for name, actor in self.actors.items()}
         for actor in self.actors.values():
-            actor.is_placed = False
+            actor.is_placed, actor.way_speed = False, None
 
     def move(self) -> None:
         """Move all actors of the story by a frame, and write them into the world, within a step."""
@@ -181,18 +189,24 @@ class Cast:
         on_lanes = [(name, actor) for name, actor in moved if actor.lane >= 0 and not actor.is_placed]
         curvature = self._curvature([actor for _, actor in on_lanes])
         for (name, actor), bend in zip(on_lanes, curvature, strict=True):
-            self._drive(actor, *self._before[name], bend)
-        for name, actor in moved:
+            self._drive(actor, self._before[name][1], bend)
+        for _, actor in moved:
             if actor.lane < 0 and not actor.is_placed:
-                way = 0.5 * (actor.speed + self._before[name][0]) * DT
+                way = actor.speed * self.step
                 actor.x += way * math.cos(actor.yaw)
                 actor.y += way * math.sin(actor.yaw)
                 actor.travelled += abs(way)
         before = {name: actor.yaw for name, actor in moved}
         self._set_down([actor for _, actor in on_lanes])
-        rates = [math.remainder(actor.yaw - before[name], math.tau) / DT for name, actor in moved]
+        for _, actor in on_lanes:
+            if actor.is_changing_lane:
+                actor.is_changing_lane = False
+                on = self.map.project(actor.place)
+                if on.lane >= 0 and math.cos(on.turned) > 0.0:
+                    actor.lane, actor.s, actor.offset = on.lane, on.s, on.offset
+        rates = [math.remainder(actor.yaw - before[name], math.tau) / self.step for name, actor in moved]
         for name, actor in moved:
-            actor.accel = (actor.speed - self._before[name][0]) / DT
+            actor.accel = (actor.speed - self._before[name][0]) / self.step
         rows = np.array([self.world.row(actor.uid) for _, actor in moved])
         values = np.array(
             [
@@ -202,25 +216,26 @@ class Cast:
         ).T
         show_ghosts(self.world, rows, _COLUMNS, values)
 
-    def _drive(self, actor: StoryActor, speed: float, offset: float, curvature: float) -> None:
+    def _drive(self, actor: StoryActor, offset: float, curvature: float) -> None:
         """Move an actor along its lane.
 
         Args:
-            speed, offset: before the actions of the frame.
+            offset: before the actions of the frame.
             curvature: of its lane [1/m].
         """
-        way = 0.5 * (actor.speed + speed) * DT
+        way = (actor.speed if actor.way_speed is None else actor.way_speed) * self.step
         aside = actor.offset - offset
         along = math.copysign(math.sqrt(max(way * way - aside * aside, 0.0)), way)
         stretch = max(1.0 - curvature * actor.offset, 0.1)
         on, left = self.map.move(actor.on_lane, actor.direction * along / stretch, actor.route)
-        if left:
-            actor.at_end += DT
+        if left or (actor.at_end and not way):
+            actor.at_end += self.step
+            actor.speed = 0.0
         else:
             actor.at_end = 0.0
         actor.travelled += max(abs(way) - abs(left), 0.0)
         actor.lane, actor.s = on.lane, on.s
-        actor.aside = aside / DT
+        actor.aside = aside / self.step
         base = math.pi if actor.direction < 0.0 else 0.0
         if way:
             actor.turned = math.remainder(base + actor.direction * math.atan2(aside, abs(along)), math.tau)

@@ -18,11 +18,11 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
-from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane
+from rosbridge_sim.scenarios.openscenario.places import MapPlace
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
 from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, Cast, StoryActor
 from rosbridge_sim.simulator.story.measures import Measures
-from rosbridge_sim.world.state.world import DT, MAX_SPEED, Body
+from rosbridge_sim.world.state.world import MAX_SPEED, Body
 
 LATERAL_ACCEL: Final = 0.5
 """Greatest lateral acceleration of a change of the offset that gives none [m/s^2]: an unhurried lane change."""
@@ -60,12 +60,14 @@ class Stage(Record, eq=False):
     Attributes:
         bodies: of the actors, by name.
         time: since the start of the story [s].
+        step: length of a frame [s].
     """
 
     cast: Cast
     measures: Measures
     bodies: Mapping[str, Body]
     time: Callable[[], float]
+    step: float
 
 
 Begin = Callable[[Stage, StoryItem, StoryActor, Running], bool]
@@ -150,7 +152,7 @@ def _bounded(speed: float) -> float:
 def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     memo, target = running.numbers, item.part("SpeedActionTarget").part()
     is_continuous = target.get("continuous", False)
-    memo["at"] += DT
+    memo["at"] += stage.step
     if is_continuous:
         memo["to"] = _speed_goal(stage, item)
     share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
@@ -168,7 +170,7 @@ def _begin_profile(_: Stage, item: StoryItem, actor: StoryActor, running: Runnin
 def _advance_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Follow the entries: by time exactly (`position`), or no faster than the limits allow (`follow`)."""
     memo, entries = running.numbers, item.all("SpeedProfileEntry")
-    left = DT
+    left = stage.step
     while left > 0.0 and (row := int(memo["entry"])) < len(entries):
         goal, length = entries[row]["speed"], entries[row].get("time", -1.0)
         change = goal - memo["from"]
@@ -236,9 +238,9 @@ def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     accel = SPRING * error + DAMPING * (reference.speed - actor.speed)
     accel = max(-limits.get("maxDeceleration", NO_LIMIT), min(limits.get("maxAcceleration", NO_LIMIT), accel))
     before = running.numbers["accel"]
-    up, down = (limits.get(key, NO_LIMIT) * DT for key in ("maxAccelerationRate", "maxDecelerationRate"))
+    up, down = (limits.get(key, NO_LIMIT) * stage.step for key in ("maxAccelerationRate", "maxDecelerationRate"))
     accel = running.numbers["accel"] = max(before - down, min(before + up, accel))
-    actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * DT)))
+    actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * stage.step)))
     is_there = abs(error) < NEAR and abs(reference.speed - actor.speed) < NEAR
     return is_there and not item["continuous"]
 
@@ -260,10 +262,10 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     fastest = NO_LIMIT if limits is None else limits.get("maxSpeed", NO_LIMIT)
     most = NO_LIMIT if limits is None else limits.get("maxAcceleration", NO_LIMIT)
     # The fastest rate from which it can still come to rest at the goal, and reach it within the frame.
-    rate = math.copysign(min(fastest, math.sqrt(2.0 * most * abs(error)), abs(error) / DT), error)
+    rate = math.copysign(min(fastest, math.sqrt(2.0 * most * abs(error)), abs(error) / stage.step), error)
     before = running.numbers["rate"]
-    rate = running.numbers["rate"] = max(before - most * DT, min(before + most * DT, rate))
-    actor.offset += actor.direction * rate * DT
+    rate = running.numbers["rate"] = max(before - most * stage.step, min(before + most * stage.step, rate))
+    actor.offset += actor.direction * rate * stage.step
     return abs(error) < NEAR and not item["continuous"]
 
 
@@ -299,23 +301,19 @@ def _number(text: str) -> int:
         raise DocumentError(f"value: expected the number of a lane, got {text[:40]!r}") from None
 
 
-def _shift(actor: StoryActor, running: Running, shape: str) -> bool:
+def _shift(stage: Stage, actor: StoryActor, running: Running, shape: str) -> bool:
     """Go on with a change of the offset; return whether it is done."""
     memo = running.numbers
-    memo["at"] += DT
+    memo["at"] += stage.step
     share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
     actor.offset = memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share)
     return share >= 1.0
 
 
 def _advance_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    if not _shift(actor, running, item.part("LaneChangeActionDynamics")["dynamicsShape"]):
+    if not _shift(stage, actor, running, item.part("LaneChangeActionDynamics")["dynamicsShape"]):
         return False
-    if running.numbers["lane"] >= 0.0:  # from now on it follows the line of its new lane
-        place = stage.cast.map.at(OnLane(actor.lane, actor.s, actor.offset))
-        on = stage.cast.map.project(place)
-        if on.lane >= 0 and math.cos(on.turned) > 0.0:
-            actor.lane, actor.s, actor.offset = on.lane, on.s, on.offset
+    actor.is_changing_lane = running.numbers["lane"] >= 0.0
     return True
 
 
@@ -335,8 +333,10 @@ def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     return False
 
 
-def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    return _shift(actor, running, item.part("LaneOffsetActionDynamics")["dynamicsShape"]) and not item["continuous"]
+def _advance_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    return (
+        _shift(stage, actor, running, item.part("LaneOffsetActionDynamics")["dynamicsShape"]) and not item["continuous"]
+    )
 
 
 # Trajectories
@@ -378,9 +378,9 @@ def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, runni
     memo, points = running.numbers, running.points
     key = 4 if memo["timed"] else 5
     if memo["timed"]:
-        at = stage.time() + DT - memo["start"]
+        at = stage.time() + stage.step - memo["start"]
     else:
-        at = memo["way"] = memo["way"] + abs(actor.speed) * DT
+        at = memo["way"] = memo["way"] + abs(actor.speed) * stage.step
     if memo["timed"] and at < points[0][key]:
         return False  # it drives on by itself until then
     row = next((i for i, point in enumerate(points[1:]) if at < point[key]), len(points) - 2)
@@ -463,7 +463,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     own, other = (MapPlace(*point[:4]) for point in running.points)
     way = stage.measures.way_to(running.entity, own)
     time = stage.measures.way_to(item["masterEntityRef"], other) / max(master.speed, 1e-6)
-    if time <= DT or way <= NEAR + item.get("targetTolerance", 0.0):
+    if time <= stage.step or way <= NEAR + item.get("targetTolerance", 0.0):
         return True
     final = item.find("FinalSpeed")
     if final is None:
@@ -472,7 +472,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
         accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * _final(final.part(), master.speed)) / time
     body = stage.bodies[running.entity]
     accel = max(-(body.max_decel or NO_LIMIT), min(body.max_accel or NO_LIMIT, accel))
-    actor.speed = max(0.0, _bounded(actor.speed + accel * DT))
+    actor.speed = max(0.0, _bounded(actor.speed + accel * stage.step))
     return False
 
 

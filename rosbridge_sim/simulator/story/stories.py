@@ -149,7 +149,14 @@ class Stories(Component):
         state, board = told.state.board, told.board
         elements = [
             self._make_element(
-                *(part.kind, part.name, State(state.states[i]).name.lower(), Transition(state.changes[i]).name.lower()),
+                *(
+                    part.kind,
+                    part.name,
+                    State(state.states[i]).name.lower(),
+                    (
+                        Transition(state.changes[i]) if state.marks[i] > state.frame_mark else Transition.NONE
+                    ).name.lower(),
+                ),
                 *(state.counts[i], part.parent),
             )
             for i, part in enumerate(board.parts)

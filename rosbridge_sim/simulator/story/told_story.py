@@ -68,22 +68,27 @@ class ToldStory:
         state: all that changes.
     """
 
-    def __init__(self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap) -> None:
+    def __init__(
+        self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap, step: float = DT
+    ) -> None:
         """Take the actors that are in the world, and begin nothing yet.
 
         Args:
             spawns: of all its entities, placed or not.
+            step: length of a frame [s]; another one than the world's is for comparisons with other programs.
         """
         self.story = story
+        self._step = step
         self._scene, self._world = scene, scene.world
         self._spawns = {spawn.name: spawn for spawn in spawns}
         self._told: set[str] = set()
+        self._begun: list[int] = []  # actions whose events have begun, while triggers are looked at
         self._init = [
             (action, [each["entityRef"]] if each.kind == "Private" else [])
             for each in story.init.parts
             for action in (each.parts if each.kind == "Private" else [each])
         ]
-        self.board = Storyboard(story.storyboard, DT, story.evaluation)
+        self.board = Storyboard(story.storyboard, step, story.evaluation)
         actors = {name: StoryActor(mode=self._mode_of(name)) for name in story.entities}
         values = {**story.parameters, **story.variables}
         self.state = StoryState(self._world.frame, actors, self.board.state, values=values)
@@ -99,9 +104,9 @@ class ToldStory:
         state = self.state
         self.board.state = state.board
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
-        self._cast = Cast(self._world, self._map, state.actors)
+        self._cast = Cast(self._world, self._map, state.actors, self._step)
         measures = Measures(self._cast, bodies)
-        self._stage = Stage(self._cast, measures, bodies, self.time)
+        self._stage = Stage(self._cast, measures, bodies, self.time, self._step)
         self._looks = StoryView(self._cast, measures, self.board, state.values, self._shows, self.time)
 
     def _link(self) -> None:
@@ -120,7 +125,7 @@ class ToldStory:
 
     def time(self) -> float:
         """Return the time since the start [s]."""
-        return (self._world.frame - self.state.start) * DT
+        return (self._world.frame - self.state.start) * self._step
 
     def open(self) -> None:
         """Carry out the actions of `Init`, and look at the triggers for the first time."""
@@ -133,37 +138,50 @@ class ToldStory:
                 self._cast.show(actor)
             elif actor.uid >= 0 and actor.mode == PROGRAM:
                 set_speed(self._world, self._world.row(actor.uid), actor.speed)
+        self._advance()
+
+    def _advance(self) -> None:
         self.board.advance(self._frame, self)
+        begun, self._begun = self._begun, []
+        for number in begun:
+            actors = self.board.parts[self._group_of(number)].item.part("Actors")
+            self._begin(number, self.board.parts[number].item.part(), [each["entityRef"] for each in actors.parts])
+
+    def _group_of(self, number: int) -> int:
+        while self.board.parts[number].kind != "ManeuverGroup":
+            number = self.board.parts[number].parent
+        return number
 
     @property
     def _frame(self) -> int:
         return self._world.frame - self.state.start
 
     def tell(self) -> None:
-        """Look at the triggers, behind a frame."""
+        """Look at all triggers, behind a frame, and then begin the actions of the events that they start."""
         self._cast.observe()
-        self.board.advance(self._frame, self)
+        self._advance()
         for name, text in self.state.lights.items():
             if self._row_of_light(name) is not None:
                 self._light(name, text)
 
     def move(self) -> None:
-        """Move the actors by a frame, within a step."""
+        """Move the actors by a frame, within a step.
+
+        Actions act in the order of the file. A lateral one moves its actor with the speed that it finds, as in esmini.
+        """
         self._cast.begin_frame()
         state = self.state
-        for domain in ("longitudinal", "lateral"):
-            for running in list(state.running):
-                item = self._item_of(running.number)
-                motion = MOTIONS[item.kind]
-                if motion.domains[0] != domain:
-                    continue
-                actor = state.actors[running.entity]
-                try:
-                    if actor.uid < 0 or motion.advance(self._stage, item, actor, running):
-                        state.running.remove(running)
-                except DocumentError as error:
-                    self._tell(item, error)
+        for running in sorted(state.running, key=lambda each: each.number):
+            item, actor = self._item_of(running.number), state.actors[running.entity]
+            motion = MOTIONS[item.kind]
+            if "lateral" in motion.domains:
+                actor.way_speed = actor.speed
+            try:
+                if actor.uid < 0 or motion.advance(self._stage, item, actor, running):
                     state.running.remove(running)
+            except DocumentError as error:
+                self._tell(item, error)
+                state.running.remove(running)
         self._cast.move()
 
     # The host of the storyboard
@@ -174,19 +192,15 @@ class ToldStory:
 
     def begin(self, number: int) -> None:
         """See `Host`."""
-        parts = self.board.parts
-        group = number
-        while parts[group].kind != "ManeuverGroup":
-            group = parts[group].parent
-        actors = parts[group].item.part("Actors")
-        self._begin(number, parts[number].item.part(), [each["entityRef"] for each in actors.parts])
+        self._begun.append(number)
 
     def is_done(self, number: int) -> bool:
         """See `Host`."""
-        return all(running.number != number for running in self.state.running)
+        return number not in self._begun and all(running.number != number for running in self.state.running)
 
     def end(self, number: int) -> None:
         """See `Host`."""
+        self._begun = [each for each in self._begun if each != number]
         self.state.running[:] = [running for running in self.state.running if running.number != number]
 
     def _begin(self, number: int, item: StoryItem, names: list[str]) -> None:
