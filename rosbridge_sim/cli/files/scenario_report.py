@@ -391,6 +391,10 @@ def _show(account: _Report) -> None:
         put(f"map: {_map_line(account['map'])}")
     for key, count in account["holds"].items():
         put(f"{safe(key)}: {count:,}")
+    if account.get("ego"):
+        others = [item["at"] for item in account["items"] if item["at"] != account["ego"]]
+        moved = f"; moved by the story, without a driver model: {', '.join(others)}" if others else ""
+        put(safe(f"ego: {account['ego']}, driven by your program (by the file with --ego story){moved}"))
     if account["items"]:
         put("")
         put_table(_HEADER, [_row(item) for item in account["items"]])

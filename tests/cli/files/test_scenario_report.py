@@ -312,6 +312,8 @@ def test_a_story_is_checked_with_its_lines_and_its_places(tmp_path: Path) -> Non
     assert account["remarks"] == ["mine.xosc: line 9: RandomRouteAction is not supported; left out"]
     assert account["holds"]["Event"] == 1
     assert [(item["at"], item["x"]) for item in account["items"]] == [("Ego", 20.0), ("Car", 50.0)]
+    done = run("scenario", "check", str(file), "--lenient", "--map", "track")
+    assert "ego: Ego, driven by your program (by the file with --ego story); moved by the story, without" in done.out
     file.write_text(story({"Ego": teleport(link("nowhere", 20))}))
     done = run("scenario", "check", str(file))
     assert "LinkPosition: the map has no link 'nowhere'" in done.out
