@@ -246,7 +246,7 @@ def place() -> Iterator[Place]:
         do(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder))
         (wheel,) = folder.glob("*.whl")
         pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "--python", str(place.python)]
-        do(*pip, "install", "--no-deps", "--no-index", str(wheel))
+        do(*pip, "install", "--no-deps", "--no-index", "--no-compile", str(wheel))
         (packages,) = folder.glob("env/lib/python3*/site-packages")
         for distribution in needed_by(wheel):
             copy_files(distribution, packages)
