@@ -22,7 +22,7 @@ def on(roads: Roads, plan: SignalPlan | None = None) -> OneOfMany:
     world = OneOfMany()
     world.roads = roads
     if plan is not None:
-        world.signals = Signals(plan)
+        world.signals = Signals(plan)  # type: ignore[misc]  # mypy sees the property of its rows
     return world
 
 

@@ -94,7 +94,7 @@ def test_light_before_a_junction_controls_the_lanes_behind_the_end_of_its_road()
     }
     assert road_map.plan is not None
     light = road_map.plan.lights[0]
-    assert (light.x, light.y, light.z) == (pytest.approx(-12.0), -4.0, 3.0)
+    assert (light.x, light.y, light.z) == pytest.approx((-12.0, -4.0, 3.0))
     assert abs(light.yaw) == pytest.approx(math.pi)
 
 
@@ -163,7 +163,7 @@ def test_controller_of_the_file_makes_a_group_and_pedestrians_have_their_own_tim
     # TE leads into W, which is crossed; TS and TN lead elsewhere.
     assert [names for _, names in shown(road_map)] == ["TS TN Pl Pr", "", "TW TE", ""]
     (walk_time,) = controller.walks
-    assert (walk_time.green * DT, walk_time.flashing * DT) == (7.0, pytest.approx(7.0 / 1.07, abs=0.02))
+    assert (walk_time.green * DT, walk_time.flashing * DT) == pytest.approx((7.0, 7.0 / 1.07), abs=0.02)
 
 
 @pytest.mark.parametrize(
