@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 
 import pytest
@@ -11,6 +10,7 @@ from rosbags.highlevel import AnyReader
 
 from rosbridge_sim.campaigns.run_results import Result
 from tests.campaign_runs.conftest import CampaignFolder
+from tests.cpu_time import run
 
 PROGRAM = """
 import sys
@@ -102,7 +102,7 @@ def test_disk_that_takes_no_more_is_told_in_the_row_and_the_campaign_goes_on(fol
     )
     words = ["-m", "rosbridge_sim", "campaign", "run", "c.toml", "-o", "out", "--jobs", "1", "--json"]
     command = ["sh", "-c", 'ulimit -f 120; exec "$@"', "sh", sys.executable, *words]
-    done = subprocess.run(command, cwd=folder.path, capture_output=True, text=True, check=False, timeout=120)
+    done = run(command, cwd=folder.path)
     assert json.loads(done.stdout)["pass"] == 3, done.stderr
     lines = (folder.path / "out" / "results.jsonl").read_text().splitlines()
     results = [Result.from_json(json.loads(line)) for line in lines]

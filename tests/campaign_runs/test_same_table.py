@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 
 import pytest
 
 from rosbridge_sim.cli.command_table import TOOLS
 from tests.campaign_runs.conftest import CampaignFolder
+from tests.cpu_time import run
 
 NUMBERS = """
 def drive(seen):
@@ -72,7 +72,7 @@ def table(
     words = ("run", "c.toml", "-o", "out", *words)
     if before:
         command = [*before, sys.executable, "-m", "rosbridge_sim", "campaign", *words]
-        done = subprocess.run(command, cwd=folder.path, capture_output=True, text=True, check=False, timeout=600)
+        done = run(command, cwd=folder.path)
     else:
         done = folder.command(*words)
     assert done.returncode == 1, done.stderr

@@ -26,7 +26,7 @@ SEEK = """
 import sys, time, rclpy
 rclpy.init(domain_id=7)
 node = rclpy.create_node("seeker")
-end = time.monotonic() + 30.0
+end = time.monotonic() + 120.0
 while "rosbridge_sim" not in node.get_node_names():
     assert time.monotonic() < end
     time.sleep(0.05)

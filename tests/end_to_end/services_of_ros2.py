@@ -43,7 +43,7 @@ def echo(request: BasicTypes.Request, response: BasicTypes.Response) -> BasicTyp
     return response
 
 
-def wait_until(is_so: Callable[[], object], seconds: float = 30.0) -> None:
+def wait_until(is_so: Callable[[], object], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not is_so():
         assert time.monotonic() < end

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
+from tests.cpu_time import run as run_to_end
 from tests.support import ROOT, ServerProcess, miss, require_tool
 from tests.vector_player import load_vectors
 
@@ -160,7 +161,7 @@ def run_in_network(words: list[str]) -> str:
     require_tool("unshare")
     if os.geteuid() != 0:
         miss("needs the right to make a network namespace")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    done = run_to_end(words)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
