@@ -156,7 +156,11 @@ class Publishers:
         self._items.remove(gone, now)
 
     def order(self, prefixes: Sequence[str]) -> None:
-        """Publish the topics of further egos in the order of these prefixes, whenever they were added."""
+        """Publish the topics of further egos in an order of theirs, whenever they were added.
+
+        Args:
+            prefixes: of their topics, the first one first.
+        """
         ranks = {prefix: rank for rank, prefix in enumerate(prefixes)}
         places = [i for i, publisher in enumerate(self._periodic) if publisher.prefix in ranks]
         ranked = sorted([self._periodic[i] for i in places], key=lambda publisher: ranks[publisher.prefix])
