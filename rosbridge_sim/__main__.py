@@ -16,9 +16,14 @@ if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses an older Python, `py
 import gc
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.suggestions import hint
+
+if TYPE_CHECKING:
+    from rosbridge_sim.serving import ServerCommand
 
 
 def main() -> int:
@@ -33,6 +38,8 @@ def main() -> int:
     if name == "ros2" and argv and argv[0] != "check" and argv[0] in commands.keys() | _ABSENT.keys():
         name = argv.pop(0)
     name = _SAME_AS.get(name, name)
+    if name == "mock" and argv[:1] == ["run"]:
+        name = f"mock {argv.pop(0)}"
     try:
         if name in _ABSENT:
             raise SettingError(f"{name}: {_ABSENT[name]}")
@@ -59,23 +66,22 @@ def main() -> int:
 # The commands
 
 
-def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
+def _serve(argv: Sequence[str], command: ServerCommand = "serve") -> int:
     """Run a server, or print what was asked for."""
     gc.disable()  # the objects of the start stay, and to go through them takes a tenth of it; `serve` enables it
     try:
         from rosbridge_sim.serving import serve  # noqa: PLC0415 - not needed by the tools
 
-        return serve(argv, is_attaching=is_attaching)
+        return serve(argv, command)
     finally:
         gc.enable()
 
 
-def _attach(argv: Sequence[str]) -> int:
-    """Run a simulator behind other bridges."""
-    return _serve(argv, is_attaching=True)
-
-
-_SERVERS: dict[str, Callable[[Sequence[str]], int]] = {"serve": _serve, "attach": _attach}
+_SERVERS: dict[str, Callable[[Sequence[str]], int]] = {
+    "serve": _serve,
+    "attach": partial(_serve, command="attach"),
+    "mock run": partial(_serve, command="mock run"),
+}
 
 _SAME_AS = {
     **{f"ros{name}": name for name in ("topic", "service", "node", "param", "action", "bag")},

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 from rosbridge_sim import __version__
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.stop_signals import on_stop_signals, stop_signals
+from rosbridge_sim.shell.config.command_flags import ServerCommand
 from rosbridge_sim.shell.config.loading import read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.monitoring.log_format import formatter_of
@@ -28,16 +29,16 @@ from rosbridge_sim.shell.websocket.freed_memory import keep_memory, trim_memory
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator
 
-__all__ = ["serve"]
+__all__ = ["ServerCommand", "serve"]
 
 _log = logging.getLogger("rosbridge_sim")
 
 
-def serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
-    """Run `rosbridge-sim serve` until it is stopped; return the exit code.
+def serve(argv: Sequence[str], command: ServerCommand = "serve") -> int:
+    """Run a server until it is stopped; return the exit code.
 
     Args:
-        is_attaching: `rosbridge-sim attach` was called.
+        command: see `read_flags`.
 
     Raises:
         DocumentError: a flag, a file or a map cannot be used; a line for each mistake.
@@ -46,7 +47,7 @@ def serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
         print(f"rosbridge-sim {__version__}")  # noqa: T201 - what was asked for
         return 0
     words = [word for word in argv if word != "--print-config"]
-    settings = read_settings(words, os.environ, is_attaching=is_attaching, find_more=_find_more)
+    settings = read_settings(words, os.environ, command=command, find_more=_find_more)
     if "--print-config" in argv:
         from rosbridge_sim.shell.assembly import list_items  # noqa: PLC0415 - as below
         from rosbridge_sim.shell.config.toml_output import format_config  # noqa: PLC0415 - as below

@@ -111,7 +111,7 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
 # campaigns, without processes and files
 campaigns: * document_reading documents expressions world.geometry world.state
 # mocks of robots, without sockets and files
-mock: * contracts document_reading documents expressions schema schema.definitions yaml_reading
+mock: * contracts document_reading documents expressions graph schema schema.definitions yaml_reading
 # the checks of a rosbridge, and of what an app relies on, without sockets
 doctor: * junit
 contracts: * documents schema.definitions
@@ -123,7 +123,8 @@ shell.clocks: * graph
 shell.files: * document_reading documents maps morai scenarios schema schema.definitions shell.config simulator.bus
     simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
-shell.mocking: * mock schema shell.bags shell.files yaml_reading
+shell.mocking: * graph graph.peers mock protocol schema shell.bags shell.clocks shell.config shell.files
+    shell.websocket yaml_reading
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
@@ -134,8 +135,8 @@ shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator 
 shell.ros1: * graph graph.gateway graph.ros1 morai schema shell.clocks shell.config shell.files shell.websocket
 shell.ros2: * graph graph.gateway graph.ros2 morai schema shell.clocks shell.config shell.files
 shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags
-    shell.clocks shell.config shell.drawing shell.files shell.monitoring shell.page shell.rendering shell.ros1
-    shell.ros2 shell.websocket
+    shell.clocks shell.config shell.drawing shell.files shell.mocking shell.monitoring shell.page
+    shell.rendering shell.ros1 shell.ros2 shell.websocket
     simulator simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors
     simulator.sim_services world.geometry world.roads world.state
 worlds: * client maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene
@@ -212,7 +213,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "suggestions": set(),
     "expressions": set(),
     "doctor": {"cbor2", "PIL"},
-    "mock": {"msgspec", "numpy"},
+    "mock": {"msgspec", "numpy", "orjson"},
     "yaml_reading": {"ruamel"},
     "contracts": {"msgspec"},
     "junit": set(),

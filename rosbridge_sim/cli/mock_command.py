@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from rosbridge_sim.cli.command_line import add_definitions, add_json, group_of
+from rosbridge_sim.cli.bridge_flags import add_bridge
+from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, group_of
 from rosbridge_sim.cli.contract_commands import add_patterns, add_watching
+from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
+
+
+def _run_elsewhere(_options: Options) -> int:
+    raise SettingError("mock run: expected directly behind rosbridge-sim")
 
 
 def make_mock() -> Parser:
@@ -19,6 +25,15 @@ def make_mock() -> Parser:
     _add_capture(
         add("capture", "mock.capture_run.capture_mock", "watch a running system or a bag, and write a mock of it")
     )
+
+    parser = add(
+        "fault", "mock.mock_fault.switch_fault", "switch a fault of a running mock, or add one, and list all faults"
+    )
+    parser.add_argument("name", metavar="NAME", nargs="?", help="of the fault; without it only list them")
+    about = "on, off, or a new fault such as '{kind: drop, topics: [/scan], probability: 0.5}'"
+    parser.add_argument("words", metavar="on|off|RULE", nargs="*", help=about)
+    add_bridge(parser)
+    add("run", _run_elsewhere, "run a mock: mock run FILE; its flags are those of serve")
     return group
 
 

@@ -111,6 +111,11 @@ class Actionlib:
         bus.on_leave.append(self._on_leave)
         bus.on_topic.append(self._note_listener)
 
+    def close(self) -> None:
+        """Follow the bus no more; its owner has left."""
+        self._bus.on_leave.remove(self._on_leave)
+        self._bus.on_topic.remove(self._note_listener)
+
     # Time
 
     def _note_listener(self, topic: Topic) -> None:

@@ -33,8 +33,13 @@ def _check_name(value: str) -> None:
         raise ValueError("expected a name such as /odom: letters, digits, _ and /")
 
 
+def is_plain_name(value: str) -> bool:
+    """Return whether a text can be the name of a fault."""
+    return _PLAIN_NAME.fullmatch(value) is not None
+
+
 def _check_plain_name(value: str) -> None:
-    if not _PLAIN_NAME.fullmatch(value):
+    if not is_plain_name(value):
         raise ValueError("expected a name such as slow_scan: letters, digits, _ and -")
 
 

@@ -105,18 +105,19 @@ class MockFiles:
 
 
 def plan_mock(
-    document: YamlDocument, store: Store, files: MockFiles, tell: Callable[[str], None]
+    document: YamlDocument, store: Store, files: MockFiles, tell: Callable[[str], None], *, seed: int = 0
 ) -> tuple[MockPlan | None, list[Mistake]]:
     """Return the plan of a mock's file, or None and its mistakes.
 
     Args:
         store: the message types of the server.
         tell: gets each mistake that an expression makes while the mock runs, once.
+        seed: in addition to that of the file.
     """
     mock, mistakes = check_document(document)
     if mock is None:
         return None, mistakes
-    planner = _Planner(mock, document, store, files, tell)
+    planner = _Planner(mock, document, store, files, tell, seed=seed)
     plan = planner.plan()
     mistakes = sorted(planner.mistakes, key=lambda mistake: document.line(mistake.place))
     return (None, mistakes) if mistakes else (plan, [])
@@ -131,12 +132,19 @@ class _Planner:
     """Compiles one file."""
 
     def __init__(
-        self, mock: MockDocument, document: YamlDocument, store: Store, files: MockFiles, tell: Callable[[str], None]
+        self,
+        mock: MockDocument,
+        document: YamlDocument,
+        store: Store,
+        files: MockFiles,
+        tell: Callable[[str], None],
+        *,
+        seed: int,
     ) -> None:
         self.mistakes: list[Mistake] = []
         self._mock, self._document, self._store, self._files = mock, document, store, files
         self._types: dict[str, MessageType] = {}
-        self._maker = MessageMaker(document.where, self._types, files.read, tell, mock.seed)
+        self._maker = MessageMaker(document.where, self._types, files.read, tell, mock.seed + (seed << 32))
         self._maker.mistakes = self.mistakes
 
     def plan(self) -> MockPlan:

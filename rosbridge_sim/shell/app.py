@@ -44,7 +44,7 @@ from rosbridge_sim.shell.assembly import (
     web_page_of,
 )
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
-from rosbridge_sim.shell.clocks.scheduler import Clock, Scheduler
+from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.clocks.wall_clock import WallClockBus
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
@@ -73,6 +73,7 @@ from rosbridge_sim.suggestions import listing
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
+    from rosbridge_sim.shell.mocking.mock_server import MockServer
     from rosbridge_sim.shell.ros1.ros1_joining import JoinedRos1
     from rosbridge_sim.shell.ros2.joining import JoinedRos2
 
@@ -106,6 +107,7 @@ class Simulator:
         types: message types; those that are kept save the next simulators compiling them. Set them before the start.
         attachments: the bridges that it connects to; empty before the start.
         descriptors: logs a line when no file descriptor is left; None before the start.
+        mock: the mock that is run in place of the world; None before the start, and without one.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: Unpack[SimulatorOptions]) -> None:
@@ -142,6 +144,7 @@ class Simulator:
         self._wrong_release: asyncio.Future[None] | None = None
         self._ros1: JoinedRos1 | None = None
         self._ros2: JoinedRos2 | None = None
+        self.mock: MockServer | None = None
 
     def __repr__(self) -> str:
         """Return the address, the world and the state."""
@@ -277,8 +280,7 @@ class Simulator:
         check_sense(settings)
         certificate = load_certificate(settings.certfile, settings.keyfile)
         texts, store = read_types(settings) if self.types is None else self.types.read(settings)
-        make_bus = Bus if settings.world else WallClockBus
-        bus = make_bus(
+        bus = _kind_of_bus(settings)(
             store,
             is_strict=settings.strict_types,
             service_timeout=settings.service_timeout,
@@ -295,9 +297,9 @@ class Simulator:
             node = self._make_node(bus, recordings, reader, loop)
         complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         stamps = None if node is None else choose_stamps(settings, node)
-        clocks: list[Clock] = [] if node is None else [node]
-        scheduler = Scheduler(loop, bus, clocks, self._give_up, announcing=[republisher])
+        scheduler = Scheduler(loop, bus, [] if node is None else [node], self._give_up, announcing=[republisher])
         recordings.reader.on_done = reader.on_done = scheduler.look
+        self.mock = _make_mock(settings, bus, texts, scheduler)
         server = Server(bus, limits, scheduler.turn)
         tell_of_world(server, node, reader)
         server.pages.page = web_page_of(settings, loop)
@@ -308,12 +310,13 @@ class Simulator:
                 self._port_file = PortFile(settings.port_file, server.port)
             self._recorder = start_recorder(settings, bus, node, texts)
             await self._join_ros(bus, limits, texts, scheduler, stamps)
+            if self.mock is not None:
+                await self.mock.start(server, Server(bus, limits, scheduler.turn), certificate)
         except DocumentError:
             self._remove_port_file()
             await server.stop()
             raise
-        self._limiter = LineLimiter(loop, mask=mask_of(settings.token))
-        self._limiter.start()
+        self._limit_log(loop)
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
@@ -329,6 +332,10 @@ class Simulator:
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
+
+    def _limit_log(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._limiter = LineLimiter(loop, mask=mask_of(self.settings.token))
+        self._limiter.start()
 
     async def prepare_page(self) -> None:
         """Make the files of the web page, so that the first request does not wait for them."""
@@ -482,7 +489,7 @@ class Simulator:
         try:
             if self._server is not None:
                 leaving = [] if self._ros1 is None else [self._ros1.stop()]
-                ends = (attachment.stop() for attachment in self.attachments)
+                ends = [part.stop() for part in (*self.attachments, self.mock) if part is not None]
                 await asyncio.gather(self._server.stop(), *ends, *leaving)
         finally:  # also after an error above
             self.close_recording()
@@ -519,6 +526,31 @@ class Simulator:
     def _give_up(self) -> None:
         """Stop, because the world has failed; the connections of clients are closed."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
+
+
+def _kind_of_bus(settings: Settings) -> type[Bus]:
+    """Return the class of the bus: its time, and whether faults stand before clients."""
+    if settings.mock is None:
+        return Bus if settings.world else WallClockBus
+    from rosbridge_sim.shell.mocking.fault_bus import FaultBus  # noqa: PLC0415 - most servers are no mocks
+
+    return FaultBus
+
+
+def _make_mock(settings: Settings, bus: Bus, texts: Texts, scheduler: Scheduler) -> MockServer | None:
+    """Offer what the file of a mock describes, if the settings name one.
+
+    Raises:
+        DocumentError: it cannot be used.
+    """
+    if settings.mock is None:
+        return None
+    from rosbridge_sim.shell.mocking.mock_server import MockServer  # noqa: PLC0415 - as above
+
+    mock = MockServer(settings, bus, texts)
+    scheduler.add(mock.node)
+    scheduler.add(mock)
+    return mock
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:

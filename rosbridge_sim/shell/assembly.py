@@ -340,6 +340,10 @@ def check_sense(settings: Settings) -> None:
             " --stamps sim allows any factor"
         )
     _check_nodes(settings)
+    if settings.mock is not None and settings.world:
+        raise DocumentError("mock: expected no world beside it; --no-world switches it off")
+    if settings.mock is None and (settings.control_port is not None or settings.hook is not None):
+        raise DocumentError("control-port, hook: expected with a mock: rosbridge-sim mock run FILE")
     if settings.open and not (settings.listen and settings.page):
         raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 from collections.abc import Sequence
+from typing import Final, Literal
 
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser, layout
@@ -13,32 +14,40 @@ from rosbridge_sim.shell.config.keys import flags_and_variables, read_value, sho
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint
 
+ServerCommand = Literal["serve", "attach", "mock run"]
+"""Commands that run a server."""
 
-def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, object]:
+
+def read_flags(argv: Sequence[str], command: ServerCommand = "serve") -> dict[str, object]:
     """Return the checked values of a command line's flags, by their keys.
 
     Args:
         argv: flags, without the program's name and the command.
-        is_attaching: the command is `attach`: its words without dashes are URLs, and it does not listen.
+        command: of `attach`, words without dashes are URLs, and it does not listen; of `mock run`, one is a file.
 
     Raises:
         SettingError: the first mistake.
         SystemExit: `--help` was given, and its text is printed.
     """
-    given, rest = _make_parser(is_attaching=is_attaching).parse_known_args(argv)
+    given, rest = _make_parser(command).parse_known_args(argv)
     strange = next((word for word in rest if word.startswith("-")), None)
     if strange is not None:
         name = strange.partition("=")[0]
-        if is_attaching and name.removeprefix("--") in flags_and_variables():
-            raise SettingError(f"{name}: is a flag of serve; attach has no clients of its own")
+        if command != "serve" and name.removeprefix("--").removeprefix("no-") in FLAGS:
+            raise SettingError(f"{name}: is a flag of serve; {_LACKS[command]}")
         near = hint(name, [f"--{key}" for key in flags_and_variables()])
         raise SettingError(f"no such flag: {name}{near}; --help lists them all")
     values: dict[str, object] = {}
-    if is_attaching:
-        urls = [*getattr(given, "urls", ()), *rest]  # words after a flag are in the rest
-        if urls:
-            values["attach"] = read_value("attach", urls, "attach")
+    words = [*getattr(given, "words", ()), *rest]  # words after a flag are in the rest
+    if command == "attach":
+        if words:
+            values["attach"] = read_value("attach", words, "attach")
         values["listen"] = False
+    elif command == "mock run":
+        if len(words) > 1:
+            raise SettingError(f"mock run: expected one file; got {show_value(words[0])} and {show_value(words[1])}")
+        if words:
+            values["mock"] = read_value("mock", words[0], "mock run")
     elif rest:
         raise SettingError(f"expected flags; got {show_value(rest[0])}")
     for name, value in vars(given).items():
@@ -48,11 +57,12 @@ def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, 
     return values
 
 
-def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
+def _make_parser(command: ServerCommand) -> argparse.ArgumentParser:
+    usage, description = _USAGES[command]
     parser = Parser(
-        prog=f"rosbridge-sim {'attach' if is_attaching else 'serve'}",
-        usage=f"rosbridge-sim {'attach URL [URL ...]' if is_attaching else '[serve]'} [flags]",
-        description=_ATTACH_TEXT if is_attaching else _SERVE_TEXT,
+        prog=f"rosbridge-sim {command}",
+        usage=f"rosbridge-sim {usage} [flags]",
+        description=description,
         epilog="Each flag is also an environment variable (--sync-lease is ROSBRIDGE_SIM_SYNC_LEASE) and a key of the"
         " TOML file (sync-lease). A flag beats the environment, the environment beats the file. In the environment,"
         f" folders are separated by {os.pathsep!r}, rates, patterns, origins and hosts by ','. The file alone has the"
@@ -61,12 +71,14 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
         argument_default=argparse.SUPPRESS,
         formatter_class=layout,
     )
-    if is_attaching:
-        parser.add_argument("urls", nargs="*", metavar="URL", help=FLAGS["attach"].kind.expects)
+    if command == "attach":
+        parser.add_argument("words", nargs="*", metavar="URL", help=FLAGS["attach"].kind.expects)
+    elif command == "mock run":
+        parser.add_argument("words", nargs="*", metavar="FILE", help="the mock's file, YAML")
     groups: dict[str, argparse._ArgumentGroup] = {}  # private, because the library has no public name for it
     for key in FLAGS:
         flag = FLAGS[key]
-        if flag.kind.is_table or (is_attaching and (key == "attach" or flag.group in _OF_SERVERS)):
+        if flag.kind.is_table or (key in _LEFT_OUT[command] or (flag.group in _LEFT_OUT[command] and key != "seed")):
             continue
         if flag.group not in groups:
             groups[flag.group] = parser.add_argument_group(flag.group)
@@ -96,8 +108,36 @@ _ATTACH_TEXT = (
     " services at each URL and takes commands from there. It listens on no port of its own."
 )
 
-_OF_SERVERS = (FLAGS["port"].group, FLAGS["token"].group)
-"""Groups of flags about clients of this server; a simulator that does not listen has none of them."""
+_MOCK_TEXT = (
+    "Run a mock: a robot that a YAML file describes, to test programs and web pages without one. It is a rosbridge"
+    " server like that of serve, without a world. A changed file is read anew. rosbridge-sim mock check FILE finds"
+    " mistakes, rosbridge-sim mock fault switches faults."
+)
+
+_USAGES: Final[dict[ServerCommand, tuple[str, str]]] = {
+    "serve": ("[serve]", _SERVE_TEXT),
+    "attach": ("attach URL [URL ...]", _ATTACH_TEXT),
+    "mock run": ("mock run FILE", _MOCK_TEXT),
+}
+"""Command -> its usage without flags, and its description."""
+
+
+def _groups_of(*keys: str) -> frozenset[str]:
+    return frozenset(FLAGS[key].group for key in keys)
+
+
+_LEFT_OUT: Final[dict[ServerCommand, frozenset[str]]] = {
+    "serve": frozenset(),
+    "attach": _groups_of("port", "token", "mock") | {"attach"},
+    "mock run": _groups_of("attach", "world", "publishers", "profile", "sync-lease") | {"mock", "listen"},
+}
+"""Command -> groups of flags, and single ones, that it does not have."""
+
+_LACKS: Final = {
+    "attach": "attach has no clients of its own",
+    "mock run": "a mock has no world",
+}
+"""Command -> why it does not have them."""
 
 _ASIDES = {
     "print-config": "print all settings as a TOML file and exit",

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.shell.config.command_flags import read_flags
+from rosbridge_sim.shell.config.command_flags import ServerCommand, read_flags
 from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.keys import add_value, flags_and_variables, read_switchable, read_value, variable
 from rosbridge_sim.shell.config.settings import Settings
@@ -39,7 +39,7 @@ def read_settings(
     argv: Sequence[str],
     environ: Mapping[str, str],
     *,
-    is_attaching: bool = False,
+    command: ServerCommand = "serve",
     find_more: FindMistakes = _find_none,
 ) -> Settings:
     """Return the settings from a command line, an environment, and the file that one of them names.
@@ -47,14 +47,14 @@ def read_settings(
     Args:
         argv: flags, without the program's name and the command.
         environ: variables. An empty one counts as absent; only an empty token is a mistake.
-        is_attaching: the command is `attach`: its words without dashes are URLs, and it does not listen.
+        command: see `read_flags`.
         find_more: called if there are mistakes already, so that all of them are reported at once.
 
     Raises:
         SettingError: the first mistake, or all mistakes of the file, one per line.
         SystemExit: `--help` was given, and its text is printed.
     """
-    return _merge(find_more, read_flags(argv, is_attaching=is_attaching), _from_environment(environ))
+    return _merge(find_more, read_flags(argv, command), _from_environment(environ))
 
 
 def check_options(options: Mapping[str, object], find_more: FindMistakes = _find_none) -> Settings:
@@ -107,6 +107,8 @@ def _merge(find_more: FindMistakes, *sources: Mapping[str, object]) -> Settings:
     rates = values.pop("rate", None)
     if rates is not None:
         values["publishers"] = _with_rates(values.get("publishers", {}), rates)
+    if values.get("mock") is not None:
+        values.setdefault("world", False)
     checked: dict[str, JsonValue] = {FIELDS[key].name: value for key, value in values.items()}
     settings = Settings(**checked)
     if settings.outbox_limit < settings.outbox_size and not _SIZES & {key for key, _ in mistakes}:

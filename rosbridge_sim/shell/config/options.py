@@ -61,6 +61,9 @@ class SimulatorOptions(TypedDict, total=False):
     max_rate: int | None
     max_held: int
     max_calls: int
+    mock: str | Path | None
+    control_port: int | None
+    hook: str | Path | None
     world: bool
     scenario: str | Path
     map: str | Path | None

@@ -46,6 +46,7 @@ _ROS1 = FlagGroup("ROS 1")
 _ROS2 = FlagGroup("ROS 2")
 _ACCESS = FlagGroup("access")
 _WORLD = FlagGroup("the world")
+_MOCK = FlagGroup("a mock in place of the world")
 _NETWORK = FlagGroup("the simulator's topics and services")
 _FACE = FlagGroup("MORAI conventions")
 _SYNC = FlagGroup("synchronous mode")
@@ -231,6 +232,20 @@ class Settings:
     )
     max_calls: int = _ACCESS.flag(1_000, whole_number(1, 1_000_000), "most calls and goals of one client in flight")
 
+    mock: str | None = _MOCK.flag(
+        None, FILE, "file of a mock (YAML) that is run in place of the world; rosbridge-sim mock run FILE is the same"
+    )
+    control_port: int | None = _MOCK.flag(
+        None,
+        or_none(whole_number(0, 65_535), "none"),
+        "second port, on 127.0.0.1, whose clients no fault of the mock touches; 0 takes a free one",
+    )
+    hook: str | None = _MOCK.flag(
+        None,
+        or_none(text_of("a function of a module", "MODULE:FUNCTION"), "none"),
+        "Python function that may change the values of a mock's messages and responses",
+    )
+
     world: bool = _WORLD.switch("run the simulator; with --no-world this is a rosbridge server alone", on=True)
     scenario: str = _WORLD.flag(
         "demo", text_of("a scenario's name or file", "NAME|FILE"), "scenario that is loaded at the start"
@@ -285,7 +300,7 @@ class Settings:
         factor(0.1, 20.0),
         "simulated seconds in a second while real time moves the world; 0 is as fast as possible",
     )
-    seed: int = _WORLD.flag(0, whole_number(0, 2**32 - 1), "random seed of the simulation")
+    seed: int = _WORLD.flag(0, whole_number(0, 2**32 - 1), "random seed of the simulation, or of the mock")
     dynamics: Literal["single-track", "kinematic"] = _WORLD.choice(
         "single-track",
         "model of the egos: tyres that slip, lags of the pedals and a body that leans, or wheels that roll where they"

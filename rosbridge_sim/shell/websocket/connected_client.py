@@ -404,13 +404,21 @@ class Client:
         self.socket.forget()
         self.socket.fail(CloseCode.MESSAGE_TOO_BIG, f"{text}; send CBOR or a CompressedImage"[:MAX_REASON])
 
-    def _start_closing(self, code: CloseCode, reason: str) -> None:
+    def cut(self, code: int, reason: str) -> None:
+        """Close the connection with a code; 1006 ends it without a close frame, as a lost network does."""
+        if code == CloseCode.ABNORMAL_CLOSURE:
+            self.socket.transport.abort()
+            return
+        self.flush()
+        self._start_closing(code, reason.encode()[:MAX_REASON].decode(errors="ignore"))
+
+    def _start_closing(self, code: int, reason: str) -> None:
         """Close with a code and a reason, and stop all other work for this client."""
         if self._closing is None:
             self.socket.forget()
             self._closing = self.socket.loop.create_task(self._close(code, reason))
 
-    async def _close(self, code: CloseCode, reason: str) -> None:
+    async def _close(self, code: int, reason: str) -> None:
         """Close with a reason. A socket that is full is aborted, because the close frame could not be sent."""
         try:
             async with asyncio.timeout(CLOSE_TIMEOUT):

@@ -20,6 +20,9 @@ from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
 from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice, InterfaceKind, NetworkSettings
 
 OTHER: dict[str, object] = {
+    "mock": "/robots/robot.yaml",
+    "control_port": 9091,
+    "hook": "my_module:my_function",
     "host": "::1",
     "port": 8000,
     "client_memory": 32 * 2**20,
@@ -378,7 +381,7 @@ def test_error_next_to_a_token_does_not_show_the_token(words: list[str]) -> None
 
 
 def test_attach_takes_urls_and_flags_in_any_order_and_does_not_listen() -> None:
-    settings = read_settings(["a", "--seed", "3", "b:9091", "--start", "sync"], {}, is_attaching=True)
+    settings = read_settings(["a", "--seed", "3", "b:9091", "--start", "sync"], {}, command="attach")
     assert settings == check_options(
         {"attach": ["ws://a:9090", "ws://b:9091"], "seed": 3, "start": "sync", "listen": False}
     )
@@ -388,16 +391,16 @@ def test_command_line_urls_override_environment_and_file(tmp_path: Path) -> None
     file = tmp_path / "s.toml"
     file.write_text('attach = ["ws://one:1", "ws://two:2"]\n')
     config = ["--config", str(file)]
-    assert read_settings(config, {}, is_attaching=True).attach == ("ws://one:1", "ws://two:2")
+    assert read_settings(config, {}, command="attach").attach == ("ws://one:1", "ws://two:2")
     variables = {"ROSBRIDGE_SIM_ATTACH": "three:3,four"}
-    assert read_settings(config, variables, is_attaching=True).attach == ("ws://three:3", "ws://four:9090")
-    assert read_settings([*config, "five"], variables, is_attaching=True).attach == ("ws://five:9090",)
+    assert read_settings(config, variables, command="attach").attach == ("ws://three:3", "ws://four:9090")
+    assert read_settings([*config, "five"], variables, command="attach").attach == ("ws://five:9090",)
 
 
 @pytest.mark.parametrize("flag", ["--port", "--host", "--token", "--max-clients", "--attach"])
 def test_attach_has_no_server_flags(flag: str) -> None:
     with pytest.raises(SettingError, match=f"{flag}: is a flag of serve"):
-        read_settings(["a", flag, "1"], {}, is_attaching=True)
+        read_settings(["a", flag, "1"], {}, command="attach")
 
 
 def test_invalid_url_is_shown_without_its_token() -> None:
@@ -618,3 +621,17 @@ def test_number_of_reported_errors_is_bounded(tmp_path: Path) -> None:
     lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(5_000))).split("\n")
     assert len(lines) == 21
     assert lines[-1] == "s.toml: 4,980 more mistakes"
+
+
+def test_mock_run_takes_one_file_and_has_no_world() -> None:
+    settings = read_settings(["--port", "0", "robot.yaml", "--seed", "3"], {}, command="mock run")
+    assert settings == check_options({"mock": "robot.yaml", "port": 0, "seed": 3})
+    assert not settings.world
+    with pytest.raises(SettingError, match=r"mock run: expected one file; got 'a.yaml' and 'b.yaml'"):
+        read_settings(["a.yaml", "b.yaml"], {}, command="mock run")
+
+
+@pytest.mark.parametrize("flag", ["--scenario", "--attach", "--profile", "--sync-lease", "--no-world"])
+def test_mock_run_has_no_flags_of_a_world(flag: str) -> None:
+    with pytest.raises(SettingError, match=f"{flag}: is a flag of serve; a mock has no world"):
+        read_settings(["robot.yaml", flag, "1"], {}, command="mock run")
