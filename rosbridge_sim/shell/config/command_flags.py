@@ -37,24 +37,25 @@ def read_flags(argv: Sequence[str], command: ServerCommand = "serve") -> dict[st
             raise SettingError(f"{name}: is a flag of serve; {_LACKS[command]}")
         near = hint(name, [f"--{key}" for key in flags_and_variables()])
         raise SettingError(f"no such flag: {name}{near}; --help lists them all")
-    values: dict[str, object] = {}
-    words = [*getattr(given, "words", ()), *rest]  # words after a flag are in the rest
-    if command == "attach":
-        if words:
-            values["attach"] = read_value("attach", words, "attach")
-        values["listen"] = False
-    elif command == "mock run":
-        if len(words) > 1:
-            raise SettingError(f"mock run: expected one file; got {show_value(words[0])} and {show_value(words[1])}")
-        if words:
-            values["mock"] = read_value("mock", words[0], "mock run")
-    elif rest:
-        raise SettingError(f"expected flags; got {show_value(rest[0])}")
+    values = _values_of_words([*getattr(given, "words", ()), *rest], command)  # words after a flag are in the rest
     for name, value in vars(given).items():
         key = name.replace("_", "-")
         if key in FLAGS:
             values[key] = read_value(key, value, f"--{key}")
     return values
+
+
+def _values_of_words(words: list[str], command: ServerCommand) -> dict[str, object]:
+    """Return the values of words without dashes; for errors see `read_flags`."""
+    if command == "attach":
+        return {"listen": False, **({"attach": read_value("attach", words, "attach")} if words else {})}
+    if command == "mock run" and len(words) == 1:
+        return {"mock": read_value("mock", words[0], "mock run")}
+    if command == "mock run" and words:
+        raise SettingError(f"mock run: expected one file; got {show_value(words[0])} and {show_value(words[1])}")
+    if words:
+        raise SettingError(f"expected flags; got {show_value(words[0])}")
+    return {}
 
 
 def _make_parser(command: ServerCommand) -> argparse.ArgumentParser:
