@@ -36,6 +36,12 @@ with 4 m/s^2."""
 REACTION: Final = 1.5
 """A driver behind a new vehicle brakes after this time at the latest [s], with reserve."""
 
+SHORT_END: Final = 5.0
+"""A lane shorter than this that leads nowhere has no room for a vehicle of its own [m]."""
+
+LONG_END: Final = 100.0
+"""Traffic also appears on lanes that lead nowhere, if they are longer than this [m]: no bay is."""
+
 BESIDE: Final = 0.3
 """Room to either side of a new vehicle [m]."""
 
@@ -67,12 +73,12 @@ class LaneSlots(Record, eq=False):
 
     @staticmethod
     def of(roads: Roads) -> LaneSlots:
-        """Return the slots of a map: none within crossings, and none on lanes that lead nowhere, such as bays.
+        """Return the slots of a map: none within crossings, and none on short lanes that lead nowhere, such as bays.
 
         The end of a lane may lie in a crossing, where a tight turn passes it.
         """
         conflicts = roads.derived(LaneConflicts)
-        has_way = np.diff(roads.first_successor) > 0
+        has_way = (np.diff(roads.first_successor) > 0) | (roads.length > LONG_END)
         is_free = has_way & (conflicts.wait_point > np.maximum(roads.length - END_MARGIN, 0.0))
         lanes, places, speeds = [], [], []
         for lane in np.flatnonzero(is_free).tolist():
@@ -128,7 +134,11 @@ def keep_clear(world: World, slots: LaneSlots, radius: float) -> BoolArray:
 
 def stand_at_ends(world: WorldRows) -> BoolArray:
     """Return (n,) which rows have stopped on a lane that leads nowhere: at its end, or in a queue before it."""
-    return np.asarray(world.alive & world.has_lane & (world.ahead_1 < 0) & (world.speed == 0.0))
+    length = world.roads.length
+    is_last = world.ahead_1 < 0
+    # A bumper at the end of a short lane: the vehicle itself is still on the lane before.
+    is_last |= (world.ahead_2 < 0) & (length.take(world.ahead_1) < SHORT_END) if len(length) else False
+    return np.asarray(world.alive & world.has_lane & is_last & (world.speed == 0.0))
 
 
 def has_room(world: World, lane: int, s: float, body: Body, speed: float, *, gap: float, time: float) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at
+from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at, stand_at_ends
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, make, road
@@ -56,8 +57,8 @@ def test_vehicle_beside_the_lane_or_on_a_bridge_needs_no_room() -> None:
 def test_slots_lie_apart_outside_of_crossings_and_on_lanes_that_go_on() -> None:
     roads = crossing()
     slots = LaneSlots.of(roads)
-    assert {roads.ids[lane] for lane in slots.lane.tolist()} == {"w", "s"}
-    assert slots.is_entry.all()
+    assert {roads.ids[lane] for lane in slots.lane.tolist()} == {"w", "s", "e", "n"}
+    assert {roads.ids[lane] for lane in slots.lane[slots.is_entry].tolist()} == {"w", "s"}
     for lane in set(slots.lane.tolist()):
         s = slots.s[slots.lane == lane]
         assert np.diff(s).min() > 12.0
@@ -68,7 +69,31 @@ def test_slots_lie_apart_outside_of_crossings_and_on_lanes_that_go_on() -> None:
 
 def test_maps_without_lanes_have_no_slots() -> None:
     assert len(LaneSlots.of(Roads()).lane) == 0
-    assert len(LaneSlots.of(road()).lane) == 0
+    assert len(LaneSlots.of(road(99.0)).lane) == 0
+
+
+def test_lane_that_enters_a_crossing_with_its_last_metres_has_slots_before_it() -> None:
+    """A tight turn passes the end of a street."""
+    roads = make(
+        a=(line((-200, 0), (-1, 0)), "b"),
+        b=(line((-1, 0), (20, 0)), ""),
+        c=(line((-2, -60), (-2, 60)), ""),
+    )
+    conflicts = roads.derived(LaneConflicts)
+    assert 150.0 < conflicts.wait_point[0] < roads.length[0]
+    slots = LaneSlots.of(roads)
+    assert 0 in slots.lane
+    assert slots.s[slots.lane == 0].max() < conflicts.wait_point[0] - 5.0
+
+
+def test_vehicle_stands_at_an_end_also_before_a_lane_too_short_for_it() -> None:
+    for rest, is_end in ((3.0, True), (30.0, False)):
+        roads = make(a=(line((0, 0), (100, 0)), "b"), b=(line((100, 0), (100 + rest, 0)), ""))
+        world = world_of(roads)
+        row = car(world, "a", 90.0)
+        assert stand_at_ends(world)[row] == is_end
+        other = car(world, "b", 2.0)
+        assert stand_at_ends(world)[other]
 
 
 def test_slots_near_an_entity_are_not_clear() -> None:
