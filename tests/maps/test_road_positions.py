@@ -34,6 +34,20 @@ def test_place_on_a_lane_is_found_in_its_section_and_in_the_direction_of_driving
     assert told(positions.on_lane("a", 100.3, -2))[1] == 60.0
 
 
+def test_place_on_a_lane_that_no_vehicle_drives_on_is_beside_the_nearest_one() -> None:
+    lanes = [lane(1, kind="sidewalk"), lane(0), lane(-1), lane(-2, kind="shoulder"), lane(-3, kind="border")]
+    tilt = '<lateralProfile><superelevation s="0" a="0.1" b="0" c="0" d="0"/></lateralProfile>'
+    road_map = read(road("a", sections=section(lanes), more=tilt), road("b", sections=section([lane(0), lane(-1)])))
+    positions = road_map.positions
+    assert positions is not None
+    for name, aside, yaw in ((1, 1.75, math.pi), (-2, -5.25, 0.0), (-3, -8.75, 0.0)):
+        place = positions.on_lane("a", 30.0, name)
+        assert place is not None
+        assert (place.lane, place.s, place.offset) == (0, 30.0, pytest.approx(aside + 1.75))
+        assert (place.x, place.y) == (30.0, pytest.approx(aside * math.cos(0.1)))
+        assert (place.z, abs(place.yaw), place.road_yaw) == (pytest.approx(aside * math.sin(0.1)), yaw, 0.0)
+
+
 @pytest.mark.parametrize(("name", "s", "lane_id"), [("b", 1.0, -1), ("a", 1.0, -2), ("a", 101.0, -1), ("a", -1.0, 1)])
 def test_place_that_the_map_has_not_is_none(name: str, s: float, lane_id: int) -> None:
     positions = read(road("a", sections=FIRST + SECOND)).positions

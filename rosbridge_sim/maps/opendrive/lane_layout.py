@@ -8,6 +8,7 @@ direction. Sources: ASAM OpenDRIVE 1.8, sections 9 to 11.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
@@ -16,7 +17,7 @@ import numpy as np
 from rosbridge_sim.maps.opendrive.plan_view import SHORT, evaluate, place_on
 from rosbridge_sim.maps.opendrive.road_elements import ROADWAY, LaneSection, Road, RoadMark, error_of
 from rosbridge_sim.maps.road_map import Border
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 
 BEND_STEP: Final = 0.5
@@ -237,6 +238,46 @@ def find_limit(road: Road, number: int, lane: int, s: float) -> float:
         if limits and limits[-1]:
             return limits[-1]
     return 0.0
+
+
+class RoadLayouts:
+    """Places beside the reference lines of roads; a `road_positions.RoadFrames`."""
+
+    def __init__(self, roads: Mapping[str, Road]) -> None:
+        # Without the elements of signals and objects, which have much text.
+        self._roads = {name: replace(road, signals=(), objects=()) for name, road in roads.items()}
+
+    def middle(self, road: str, s: float, lane: int) -> float | None:
+        """See `RoadFrames`."""
+        own = self._roads.get(road)
+        if own is None or not -NARROW <= s <= own.length + NARROW:
+            return None
+        section = next((each for each in reversed(own.sections) if each.start <= s), own.sections[0])
+        if lane and lane not in section.lanes:
+            return None
+        aside = float(evaluate(own.offset, np.array([s]))[0])
+        side = 1 if lane > 0 else -1
+        for name in range(side, lane + side, side) if lane else ():
+            width = max(float(evaluate(section.lanes[name].widths, np.array([s - section.start]))[0]), 0.0)
+            aside += side * (width if name != lane else 0.5 * width)
+        return aside
+
+    def point(self, road: str, s: float, t: float) -> tuple[float, float, float, float]:
+        """See `RoadFrames`."""
+        return frame_at(self._roads[road], s, t)
+
+    def is_forward(self, road: str, lane: int) -> bool:
+        """See `RoadFrames`."""
+        return (lane < 0) != self._roads[road].is_left_hand
+
+
+def frame_at(road: Road, s: float, t: float) -> tuple[float, float, float, float]:
+    """Return x, y, z [m] of a place beside a road's reference line, and the direction of the road there [rad]."""
+    at = np.array([s])
+    x, y, heading = (float(each[0]) for each in place_on(road.shapes, at))
+    z, roll = float(evaluate(road.elevation, at)[0]), float(evaluate(road.roll, at)[0])
+    flat = t * math.cos(roll)
+    return x - flat * math.sin(heading), y + flat * math.cos(heading), z + t * math.sin(roll), heading
 
 
 # Painted lines

@@ -14,7 +14,7 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION, read_projection
 from rosbridge_sim.maps.opendrive.default_signals import plan_signals
-from rosbridge_sim.maps.opendrive.lane_layout import LanePiece, SectionLayout, lay_lanes, paint_marks
+from rosbridge_sim.maps.opendrive.lane_layout import LanePiece, RoadLayouts, SectionLayout, lay_lanes, paint_marks
 from rosbridge_sim.maps.opendrive.lane_links import find_cuts, find_followers, find_neighbours, spread_cuts
 from rosbridge_sim.maps.opendrive.road_elements import (
     MAX_COORDINATE,
@@ -129,6 +129,7 @@ class _Reading:
         signals = read_signals(lanes)
         plan = plan_signals(roads, lanes, signals, self._controllers) if signals.lights else None
         self._note_signals(signals, plan)
+        spans = [RoadSpan(one.road, one.lane, one.s, one.aside) for one in pieces]
         return RoadMap(
             *(name, self._projection, self._origin, roads),
             plan=plan,
@@ -136,7 +137,7 @@ class _Reading:
             signs=signals.signs,
             notes=(*self._notes, *link_notes, *self._final_notes()),
             borders=tuple(self._borders),
-            positions=RoadPositions(roads, [RoadSpan(one.road, one.lane, one.s, one.aside) for one in pieces]),
+            positions=RoadPositions(roads, spans, RoadLayouts(self._roads)),
         )
 
     def _take_header(self, element: Element) -> None:

@@ -16,8 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece
-from rosbridge_sim.maps.opendrive.plan_view import evaluate, place_on
+from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece, frame_at
 from rosbridge_sim.maps.opendrive.road_elements import MAX_LANE_ID, Road
 from rosbridge_sim.maps.road_map import Crosswalk, Sign
 from rosbridge_sim.records import Record
@@ -264,7 +263,7 @@ def _signals_of(roads: Mapping[str, Road], tag: str) -> Iterator[tuple[Road, Ele
 
 
 def _read_sign(road: Road, element: Element) -> Sign:
-    x, y, z, yaw = _frame_at(road, element.number("s"), element.number("t", 0.0))
+    x, y, z, yaw = frame_at(road, element.number("s"), element.number("t", 0.0))
     is_back = element.word("orientation", "none") == "-"
     facing = yaw + element.number("hOffset", 0.0) + (0.0 if is_back else math.pi)
     kind = element.word("type", "")
@@ -275,8 +274,8 @@ def _read_sign(road: Road, element: Element) -> Sign:
 
 def _make_light(road: Road, element: Element, lanes: LanesOfRoads, served: tuple[int, ...]) -> Light:
     s, t = element.number("s"), element.number("t", 0.0)
-    x, y, z, yaw = _frame_at(road, s, t)
-    z = max(z + element.number("zOffset", 0.0), _frame_at(road, s, 0.0)[2] + LOWEST)
+    x, y, z, yaw = frame_at(road, s, t)
+    z = max(z + element.number("zOffset", 0.0), frame_at(road, s, 0.0)[2] + LOWEST)
     is_walk = element.word("type", "") == WALK_LIGHT
     if is_walk:
         facing = yaw + element.number("hOffset", 0.0)
@@ -292,15 +291,6 @@ def _make_light(road: Road, element: Element, lanes: LanesOfRoads, served: tuple
 def _is_at(piece: LanePiece, s: float) -> bool:
     low, high = sorted((float(piece.s[0]), float(piece.s[-1])))
     return low - NEAR_CUT <= s <= high + NEAR_CUT
-
-
-def _frame_at(road: Road, s: float, t: float) -> tuple[float, float, float, float]:
-    """Return the place beside a road's reference line, and the direction of the road there."""
-    at = np.array([s])
-    x, y, heading = (float(each[0]) for each in place_on(road.shapes, at))
-    z, roll = float(evaluate(road.elevation, at)[0]), float(evaluate(road.roll, at)[0])
-    flat = t * math.cos(roll)
-    return x - flat * math.sin(heading), y + flat * math.cos(heading), z + t * math.sin(roll), heading
 
 
 # Crosswalks
@@ -331,7 +321,7 @@ def _is_near(light: Light, outlines: Iterable[FloatArray]) -> bool:
 def _outlines(road: Road, element: Element) -> Iterator[FloatArray]:
     """Yield the outlines of an object, (k, 3) [m]; that of its length and width if it has none."""
     s, t = element.number("s"), element.number("t", 0.0)
-    x, y, z, heading = _frame_at(road, s, t)
+    x, y, z, heading = frame_at(road, s, t)
     turn = heading + element.number("hdg", 0.0)
     z += element.number("zOffset", 0.0)
     cos, sin = math.cos(turn), math.sin(turn)
@@ -348,5 +338,5 @@ def _outlines(road: Road, element: Element) -> Iterator[FloatArray]:
                 a, b = corner.number("u"), corner.number("v")
                 points.append((x + cos * a - sin * b, y + sin * a + cos * b, z + corner.number("z", 0.0)))
             elif corner.tag == "cornerRoad":
-                points.append(_frame_at(road, corner.number("s"), corner.number("t"))[:3])
+                points.append(frame_at(road, corner.number("s"), corner.number("t"))[:3])
         yield np.array(points).reshape(-1, 3)
