@@ -52,13 +52,13 @@ OF_ASPHALT = (38, 103, 221)
 
 
 @pytest.fixture
-def serve_with(serve: Serve, tmp_path: Path) -> Callable[[str], ServerProcess]:
+def serve_with(serve: Serve, tmp_path: Path) -> Callable[..., ServerProcess]:
     """Starts a town in synchronous mode, with sensors."""
 
-    def start(sensors: str) -> ServerProcess:
+    def start(sensors: str, scenario: str = "town") -> ServerProcess:
         path = tmp_path / "sensors.toml"
         path.write_text(sensors)
-        return serve("--scenario", "town", "--start", "sync", "--sensors", str(path), "--no-dressing")
+        return serve("--scenario", scenario, "--start", "sync", "--sensors", str(path), "--no-dressing")
 
     return start
 
@@ -83,9 +83,9 @@ async def tick_until(client: AsyncClient, expectation: Coroutine[object, object,
 
 
 async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_they_are_looked_at(
-    serve_with: Callable[[str], ServerProcess], open_page: OpenPage
+    serve_with: Callable[..., ServerProcess], open_page: OpenPage
 ) -> None:
-    server = serve_with(CAMERAS)
+    server = serve_with(CAMERAS, "roundabout")
     page = await open_page(server)
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await client.start_sync()
@@ -119,7 +119,7 @@ async def test_server_without_cameras_and_lidars_is_told_with_its_flag(serve: Se
 
 
 async def test_points_of_a_lidar_are_on_the_map_while_it_is_shown(
-    serve_with: Callable[[str], ServerProcess], open_page: OpenPage
+    serve_with: Callable[..., ServerProcess], open_page: OpenPage
 ) -> None:
     server = serve_with(LIDAR)
     page = await open_map(open_page, url_of(server.port))

@@ -52,15 +52,14 @@ def hash_of(client: Client) -> str:
     return str(json.loads(answer.values.json)["hash"])
 
 
-def hashes(topic: str = "", service: str = "", **options: Any) -> list[str]:  # noqa: ANN401 - those of `make`
+def hashes(*topics: str, service: str = "", **options: Any) -> list[str]:  # noqa: ANN401 - those of `make`
     """The hash behind each frame of a drive with two egos, beside one that reads."""
     harness = make(**options)
     client, reader = harness.client(), harness.client()
     client.start()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 5))
     client.tick()
-    if topic:
-        reader.listen(topic)
+    reader.listen(*topics)
     found = []
     for frame in range(NUM_FRAMES):
         assert client.control(frame + 1, longlCmdType=1, accel=0.4, front_steer=0.02)
@@ -69,8 +68,8 @@ def hashes(topic: str = "", service: str = "", **options: Any) -> list[str]:  # 
             assert answer.is_ok, answer.values
         client.tick()
         found.append(hash_of(client))
-    if topic == "/sim/score":
-        assert len(reader.messages(topic)) == NUM_FRAMES, "it is a topic that says something"
+    if "/sim/score" in topics:
+        assert len(reader.messages("/sim/score")) == NUM_FRAMES, "it is a topic that says something"
     return found
 
 
@@ -92,6 +91,10 @@ def test_no_subscription_changes_a_state_hash(release: str) -> None:
     names = topics(release)
     assert {"/sim/score", "/sim/drivers", "/Object_topic", "/image_jpeg/compressed"} <= set(names)
     assert [name for name in names if hashes(name, release=release) != expected] == []
+
+
+def test_all_subscriptions_together_change_no_state_hash() -> None:
+    assert hashes(*topics("26.R1"), release="26.R1") == hashes(release="26.R1")
 
 
 @pytest.mark.parametrize("service", QUESTIONS)
