@@ -13,7 +13,7 @@ maps, synchronous from the start, recording, compressing.
 A failure is: a traceback in the log, an early or bad end of the process, a call without an answer, a connection closed
 with 1011, memory beyond the bound, a world that cannot be reset at the end, or a failure of the honest client
 (`innocent.py`). Then the frames since the server's start are in a file, and `--replay` sends them again.
-`--decoders N` runs the tests that damage valid documents, with N times the usual number of documents.
+`--decoders N` runs the tests that damage valid documents, with N times as many documents as each of them says.
 """
 
 from __future__ import annotations
