@@ -67,6 +67,8 @@ def _check_targets(campaign: Campaign) -> None:
     Raises:
         DocumentError: there is one.
     """
+    if all(name.lower().endswith(".xosc") for name in campaign.scenarios):
+        return  # these have parameters
     for each in campaign.assignments:
         if each.room == "scenario" and (why := why_without_effect(each.path)):
             raise DocumentError(f"{campaign.source}: set.'scenario.{path_text(each.path)}': {why}")

@@ -26,8 +26,9 @@ from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_text import read_toml
-from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.library import DiskLibrary, open_library
 from rosbridge_sim.shell.files.message_types import MessageTypes
+from rosbridge_sim.shell.files.story_files import StoryOptions, is_story
 
 MAX_LIBRARIES: Final = 16
 """Most libraries of own maps and catalogues that are kept."""
@@ -64,6 +65,21 @@ def read_job(path: Path, folder: Path) -> Job:
     return Job(text, path.name, str(path.resolve().parent), str(folder.resolve()))
 
 
+def parameters_of(changes: tuple[Change, ...], source: str) -> dict[str, str]:
+    """Return the changes of a scenario of OpenSCENARIO: values of its parameters by name.
+
+    Raises:
+        DocumentError: a change is none of a parameter.
+    """
+    found: dict[str, str] = {}
+    for path, value in changes:
+        if len(path) != 1:
+            text = ".".join(map(str, path))
+            raise DocumentError(f"{source}: set.'scenario.{text}': expected scenario.NAME, the name of a parameter")
+        found[str(path[0])] = str(value).lower() if isinstance(value, bool) else str(value)
+    return found
+
+
 class LoadedJob:
     """A campaign with all that its runs need, kept in a process.
 
@@ -91,17 +107,20 @@ class LoadedJob:
         Raises:
             DocumentError: a folder or the catalogue cannot be used.
         """
-        own = settings.scenario_path, settings.map, settings.catalogue
-        if own == (Settings().scenario_path, None, None):
+        own = (
+            *(settings.scenario_path, settings.map, settings.catalogue),
+            *(settings.param, settings.ego_entity, settings.ego, settings.lenient),
+        )
+        if own == (Settings().scenario_path, None, None, (), "", "program", False):
             return self.library
         if own not in self._libraries:
             if len(self._libraries) >= MAX_LIBRARIES:
                 self._libraries.clear()
-            self._libraries[own] = DiskLibrary(*own)
+            self._libraries[own] = open_library(settings)
         return self._libraries[own]
 
     def scenario_text(self, name: str, changes: tuple[Change, ...]) -> tuple[bytes, str]:
-        """Return a scenario's document with the changes of a run, and its path.
+        """Return a scenario's document with the changes of a run, and its path; a story without them.
 
         Args:
             name: name or file, as in the campaign.
@@ -112,6 +131,8 @@ class LoadedJob:
         own = Path(self.job.base) / name
         if name not in self._documents:
             text, source = self.library.opening_file(str(own) if own.is_file() else name)
+            if is_story(source, text):
+                return text, source
             try:
                 document = json.loads(text.removeprefix(b"\xef\xbb\xbf")) if changes else None
             except (ValueError, RecursionError):
@@ -127,6 +148,9 @@ class LoadedJob:
     def scenario(self, name: str, changes: tuple[Change, ...]) -> Scenario:
         """Return a scenario with the changes of a run. Arguments and errors as for `scenario_text`."""
         text, source = self.scenario_text(name, changes)
+        if is_story(source, text):
+            library = DiskLibrary(stories=StoryOptions(parameters_of(changes, Path(source).name)))
+            return library.opening_scenario(source)
         return replace(read_scenario(text, Path(source).name, catalogue=self.library.catalogue))
 
     def drivers_function(self, driver: DriverItem) -> Callable[..., Any]:

@@ -36,6 +36,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.shell.assembly import make_simulator_node, mistakes_of_items
 from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.shell.files.story_files import is_story
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
@@ -137,7 +138,8 @@ def _make_worlds(
     """
     values, runs = group[0][1], [run for run, _ in group]
     check_settings(values.settings, "", has_server=False)
-    if loaded.campaign.fields or not values.settings.keys() <= WORLD_SETTINGS.keys():
+    is_told = any(is_story(name, text) for text, name in (loaded.scenario_text(run.scenario, ()) for run in runs))
+    if is_told or loaded.campaign.fields or not values.settings.keys() <= WORLD_SETTINGS.keys():
         for drive, run in zip(drives, runs, strict=True):
             drive.outcome.work = make_work_folder(loaded, run)
         worlds: Worlds | NodeWorlds = NodeWorlds(loaded, drives, runs)

@@ -7,12 +7,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from rosbridge_sim.campaign_runs.job import LoadedJob
+from rosbridge_sim.campaign_runs.job import LoadedJob, parameters_of
 from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Value
 from rosbridge_sim.shell.config.flag_table import FIELDS, FLAGS, SHORT_FORMS
 from rosbridge_sim.shell.config.options import SimulatorOptions
+from rosbridge_sim.shell.files.story_files import is_story
 from rosbridge_sim.suggestions import hint
 
 OWN_SETTINGS: Final = frozenset({"scenario", "seed", "port", "host", "start", "score", "record", "data_dir", "config"})
@@ -74,15 +75,22 @@ def simulator_options(loaded: LoadedJob, run: Run, work: Path, *, is_real_time: 
     """
     values = loaded.campaign.values_of(run)
     changes = values.scenario
+    text, source = loaded.scenario_text(run.scenario, ())
+    parameters: dict[str, str] = {}
+    if is_story(source, text):
+        if values.vehicle is not None:
+            raise DocumentError(f"{Path(source).name}: set.vehicle: the ego of a story has the model of its file")
+        parameters, changes = parameters_of(changes, Path(source).name), ()
     if values.vehicle is not None:
         changes = (*changes, (("egoVehicle", "modelName"), values.vehicle))
-    text, source = loaded.scenario_text(run.scenario, changes)
     if changes:
+        text, _ = loaded.scenario_text(run.scenario, changes)
         file = work / "scenario.json"
         file.write_bytes(text)
         source = str(file)
     options: SimulatorOptions = {
         "scenario": source,
+        "param": [f"{name}={value}" for name, value in parameters.items()],
         "seed": run.seed,
         "port": 0,
         "page": False,

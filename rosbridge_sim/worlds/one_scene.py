@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Model
@@ -74,6 +75,11 @@ class OneScene:
         self.world, self.hooks, self.egos = world, Hooks(), _NoStatuses()
         if not 1 <= num_egos <= MAX_EGOS:
             raise ValueError(f"egos: expected 1..{MAX_EGOS}, got {num_egos!r}")
+        if scenario.story is not None:
+            raise DocumentError(
+                f"{scenario.name}: stories of OpenSCENARIO are told by a server or a campaign, not by Worlds and"
+                " environments; use rosbridge-sim --scenario"
+            )
         if model is not None:
             scenario = replace(scenario, egos=tuple(replace(ego, model=model) for ego in scenario.egos))
         self.scene = Scene(world, library, scenario, ego_gear=Gear.DRIVE)
