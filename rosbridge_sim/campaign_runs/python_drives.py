@@ -142,13 +142,8 @@ def _make_worlds(
     if is_told or loaded.campaign.fields or not values.settings.keys() <= WORLD_SETTINGS.keys():
         for drive, run in zip(drives, runs, strict=True):
             drive.outcome.work = make_work_folder(loaded, run)
-        worlds: Worlds | NodeWorlds = NodeWorlds(loaded, drives, runs)
-    else:
-        worlds = _make_fast_worlds(loaded, group)
-    for i in range(worlds.num_worlds):
-        if not len(worlds.world(i).rows(Kind.EGO)):
-            raise DocumentError(f"{runs[i].scenario}: expected a scenario with an ego")
-    return worlds
+        return NodeWorlds(loaded, drives, runs)
+    return _make_fast_worlds(loaded, group)
 
 
 def _make_fast_worlds(loaded: LoadedJob, group: Sequence[tuple[Run, RunValues]]) -> Worlds:
