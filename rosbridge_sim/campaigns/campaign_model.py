@@ -123,7 +123,7 @@ class DriverItem(Table, frozen=True, kw_only=True):
         Annotated[list[_Text], Meta(min_length=1, max_length=100)] | None,
         Meta(
             description="a program and its arguments; `{url}`, `{seconds}`, `{seed}`, `{run}` and parameters are filled"
-            " in; the variable ROSBRIDGE_SIM_URL has the URL, too",
+            " in; the variable ROSBRIDGE_SIM_URL has the URL, too"
         ),
     ] = None
     speed: Annotated[_Speed | None, Meta(description="of `own`: speed that it wants [m/s]; none for the limits")] = None

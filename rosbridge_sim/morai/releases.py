@@ -72,11 +72,7 @@ LENIENCY: Final = Leniency(
     },
     fields={
         # 26.R1 renamed the steering. The name that a release lacks is read as the other one.
-        "morai_msgs/CtrlCmd": {
-            "longCmdType": "longlCmdType",
-            "front_steer": "steering",
-            "steering": "front_steer",
-        },
+        "morai_msgs/CtrlCmd": {"longCmdType": "longlCmdType", "front_steer": "steering", "steering": "front_steer"},
         "morai_msgs/ScenarioLoad": _SCENARIO_LOAD,
         "morai_msgs/SyncModeScenarioLoad": _SCENARIO_LOAD,
     },
@@ -103,11 +99,7 @@ LENIENCY: Final = Leniency(
 
 
 _ONLY_IN: Final[Mapping[str, frozenset[str]]] = {
-    "22.R2": frozenset(
-        {
-            *("SyncModeAddObj", "SyncModeRemoveObj"),
-        }
-    ),
+    "22.R2": frozenset({"SyncModeAddObj", "SyncModeRemoveObj"}),
     "26.R1": frozenset(
         {
             *("CMDConveyor", "Conveyor", "DillyCmd", "DillyCmdResponse", "EgoVehicleStatusExtended"),

@@ -466,7 +466,5 @@ class Feed:
         if options.compression == "png":
             return PictureFrames(message.shared(("png", self._head), lambda: PngFrame(frame)))
         return self._wire.pieces(
-            frame,
-            options.fragment_size,
-            lambda: message.shared(("characters", self._head), lambda: Characters(frame)),
+            frame, options.fragment_size, lambda: message.shared(("characters", self._head), lambda: Characters(frame))
         )

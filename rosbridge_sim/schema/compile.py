@@ -180,12 +180,7 @@ _annotate: Any = Annotated
 
 
 def _make_finalize(
-    name: str,
-    fields: Mapping[str, FieldSpec],
-    dialect: Dialect,
-    *,
-    is_header: bool,
-    finalizers: Mapping[str, Finalize],
+    name: str, fields: Mapping[str, FieldSpec], dialect: Dialect, *, is_header: bool, finalizers: Mapping[str, Finalize]
 ) -> Finalize | None:
     """Return the function that does to a decoded value what `msgspec` cannot; None where nothing is left to do.
 

@@ -76,15 +76,13 @@ class _Misfit(Exception):  # noqa: N818 - never leaves this module
 def _wrong_type(full_type: str, value: object) -> _Misfit:
     got = type(value)
     return _Misfit(
-        lambda root, path: f"{root} message requires a {full_type} for field {path}, but got a {got}",
-        Reason.WRONG_TYPE,
+        lambda root, path: f"{root} message requires a {full_type} for field {path}, but got a {got}", Reason.WRONG_TYPE
     )
 
 
 def _wrong_value(full_type: str, why: str) -> _Misfit:
     return _Misfit(
-        lambda root, path: f"{root} message requires a {full_type} for field {path}, but got {why}",
-        Reason.WRONG_VALUE,
+        lambda root, path: f"{root} message requires a {full_type} for field {path}, but got {why}", Reason.WRONG_VALUE
     )
 
 

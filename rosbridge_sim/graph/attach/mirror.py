@@ -106,11 +106,7 @@ class Mirror(FarSide):
     # Sockets
 
     def connected(
-        self,
-        connection: BridgeConnection,
-        schedule_flush: Callable[[], None],
-        flush: Callable[[], None],
-        now: float,
+        self, connection: BridgeConnection, schedule_flush: Callable[[], None], flush: Callable[[], None], now: float
     ) -> None:
         """Announce the items of a connection that has a socket now.
 

@@ -287,11 +287,7 @@ class MirrorRegistry:
 
         is_general = name not in self._choices.extras()
         return self._bus.subscribe(
-            self._far_side,
-            name,
-            deliver,
-            is_idle=item.is_unread or not connection.has_services,
-            is_general=is_general,
+            self._far_side, name, deliver, is_idle=item.is_unread or not connection.has_services, is_general=is_general
         )
 
     def _drop(self, key: ItemKey) -> None:

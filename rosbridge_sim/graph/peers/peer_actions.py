@@ -38,12 +38,7 @@ class PeerActions(Offers[Goal]):
             goal_id = ids[goal] = provided.add(goal)
             args = Message(goal.action.type.goal, goal.request)
             self._peer.session.say(
-                "send_action_goal",
-                {"args": args},
-                id=goal_id,
-                action=op.action,
-                action_type=op.type,
-                feedback=True,
+                "send_action_goal", {"args": args}, id=goal_id, action=op.action, action_type=op.type, feedback=True
             )
 
         def cancel(goal: Goal) -> None:

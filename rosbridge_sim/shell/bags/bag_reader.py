@@ -138,12 +138,7 @@ def _taker(
 
 
 def _read_plans(
-    bag: Reader1 | Reader2,
-    path: Path,
-    start_ns: int,
-    types: BagTypes,
-    *,
-    reading: RecordingBuilder,
+    bag: Reader1 | Reader2, path: Path, start_ns: int, types: BagTypes, *, reading: RecordingBuilder
 ) -> tuple[RecordedPlan, ...]:
     """Return what programs published that viewers draw; topics that cannot be read, and what is too much, are noted.
 

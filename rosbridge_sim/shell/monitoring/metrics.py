@@ -153,9 +153,7 @@ class Metrics:
         yield _counter("clients_connected", "Clients that have connected since the start.", traffic.num_clients)
         yield _gauge("strangers", "Connections that have not sent the token yet.", server.num_strangers)
         yield _counter(
-            "received_bytes",
-            "Bytes received over all connections, HTTP requests included.",
-            server.num_bytes_received,
+            "received_bytes", "Bytes received over all connections, HTTP requests included.", server.num_bytes_received
         )
         yield _counter("sent_bytes", "Bytes of messages given to sockets.", traffic.num_bytes_sent)
         yield _counter("received_frames", "WebSocket messages received from clients.", traffic.num_frames_received)

@@ -36,9 +36,7 @@ TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout", "/si
 """Names of all these topics."""
 
 WHO_IS_CONNECTED = PolicyEffect(
-    "learn who is connected",
-    tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS),
-    (Way(Use.SUBSCRIBE, "/sim/drivers"),),
+    "learn who is connected", tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS), (Way(Use.SUBSCRIBE, "/sim/drivers"),)
 )
 """The other topics that show the same, if clients may not subscribe to one of these."""
 

@@ -19,12 +19,7 @@ from rosbridge_sim.graph.peers.peer import Peer, Work
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.protocol.session import Session
-from rosbridge_sim.shell.transport.inflate import (
-    Deflated,
-    DeflatedText,
-    LateDeflate,
-    inflate,
-)
+from rosbridge_sim.shell.transport.inflate import Deflated, DeflatedText, LateDeflate, inflate
 from rosbridge_sim.shell.transport.text_check import TextCheck
 from rosbridge_sim.shell.websocket.access import RateGate
 from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of

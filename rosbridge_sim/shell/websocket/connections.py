@@ -178,10 +178,7 @@ class ServedConnection(DirectConnection):
 
 
 def make_connection(
-    tables: ConnectionTables,
-    rules: TlsRules | None,
-    *args: LibraryArgument,
-    **kwargs: LibraryArgument,
+    tables: ConnectionTables, rules: TlsRules | None, *args: LibraryArgument, **kwargs: LibraryArgument
 ) -> asyncio.Protocol:
     """Create the protocol object of an accepted connection.
 

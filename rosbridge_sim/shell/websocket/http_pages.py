@@ -138,10 +138,7 @@ class HttpPages:
         return refusal or answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
 
     def _tell_metrics(
-        self,
-        connection: ServedConnection,
-        request: Request,
-        render: Callable[[str], Awaitable[tuple[bytes, str]]],
+        self, connection: ServedConnection, request: Request, render: Callable[[str], Awaitable[tuple[bytes, str]]]
     ) -> Response | Awaitable[Response]:
         """Answer all counters in Prometheus's format, to those who may have data."""
         refusal = self._gate.refuse_data(connection, request, "/metrics")
@@ -167,10 +164,7 @@ class HttpPages:
         return response
 
     def _tell_map(
-        self,
-        connection: ServedConnection,
-        request: Request,
-        ask: Callable[[str], asyncio.Future[MapText] | None],
+        self, connection: ServedConnection, request: Request, ask: Callable[[str], asyncio.Future[MapText] | None]
     ) -> Response | Awaitable[Response]:
         """Answer the map as JSON, to those who may have data. Patterns for `/sim/map` hold for it."""
         refusal = self._gate.refuse_data(connection, request, "/map.json")

@@ -33,19 +33,12 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.printable import MAX_QUOTED, printable
-from rosbridge_sim.shell.transport.inflate import (
-    LateDeflateFactory,
-)
+from rosbridge_sim.shell.transport.inflate import LateDeflateFactory
 from rosbridge_sim.shell.transport.upgrade_request import answer_to, read_upgrade
 from rosbridge_sim.shell.websocket.access import HandshakeRefusal, is_from_autobahn
 from rosbridge_sim.shell.websocket.client_totals import ClientTotals
 from rosbridge_sim.shell.websocket.connected_client import Client
-from rosbridge_sim.shell.websocket.connections import (
-    ConnectionTables,
-    ServedConnection,
-    address_of,
-    make_connection,
-)
+from rosbridge_sim.shell.websocket.connections import ConnectionTables, ServedConnection, address_of, make_connection
 from rosbridge_sim.shell.websocket.freed_memory import MemoryReturn, resident_bytes, trim_memory
 from rosbridge_sim.shell.websocket.http_answers import (
     answer_version,

@@ -63,11 +63,7 @@ class TlsHandshake(asyncio.Protocol):
     """A connection during its TLS handshake."""
 
     def __init__(
-        self,
-        inner: asyncio.Protocol,
-        rules: TlsRules,
-        places: ConnectionPlaces,
-        handshakes: dict[TlsHandshake, None],
+        self, inner: asyncio.Protocol, rules: TlsRules, places: ConnectionPlaces, handshakes: dict[TlsHandshake, None]
     ) -> None:
         """Prepare for a connection.
 

@@ -81,11 +81,7 @@ def read_morai_network(document: Mapping[str, JsonValue], source: str) -> tuple[
 
 
 def _read_item(
-    where: str,
-    owner: int,
-    item: _Item,
-    choices: Mapping[InterfaceKind, dict[str, InterfaceChoice]],
-    unused: list[str],
+    where: str, owner: int, item: _Item, choices: Mapping[InterfaceKind, dict[str, InterfaceChoice]], unused: list[str]
 ) -> None:
     """Add the choice of one item, or say why there is none."""
     number, kind = item.number, _KINDS.get(item.division)

@@ -37,13 +37,7 @@ class SubscribersServices:
         self._own: list[Interface] = []
 
     def provide(
-        self,
-        name: str,
-        type_name: str,
-        handle: Handle,
-        *,
-        is_everywhere: bool = True,
-        limits: BodyLimits = _USUAL,
+        self, name: str, type_name: str, handle: Handle, *, is_everywhere: bool = True, limits: BodyLimits = _USUAL
     ) -> None:
         """Offer a service that no other participant may offer.
 

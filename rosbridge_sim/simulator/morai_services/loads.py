@@ -145,11 +145,7 @@ class Loads(Component):
             raise refusal
 
     def _start(
-        self,
-        request: Struct,
-        caller: Participant,
-        end: Callable[[PeerError | DocumentError | None], None],
-        now: float,
+        self, request: Struct, caller: Participant, end: Callable[[PeerError | DocumentError | None], None], now: float
     ) -> None:
         """Load a scenario as soon as its documents have been read."""
         epoch = self._epoch
@@ -188,11 +184,7 @@ class Loads(Component):
         read_while_held(self._context.reader, work, finish, partial(context.sync_driver.hold, caller), now)
 
     def _prepare(
-        self,
-        request: Struct,
-        documents: _Documents | DocumentError,
-        caller: Participant,
-        base: FoundMap,
+        self, request: Struct, documents: _Documents | DocumentError, caller: Participant, base: FoundMap
     ) -> tuple[Load, NetworkSettings | None]:
         """Return the load of a request and, if they are wanted, the network settings of its scenario.
 

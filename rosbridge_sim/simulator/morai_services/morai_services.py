@@ -276,7 +276,7 @@ class Services(Component):
                 ego.gear.value,
                 self._make_lamps(self._context.convert.header(self._context.world.frame), *ego.lamps),
                 self._context.sync.is_paused,
-            ),
+            )
         )
 
     # Ours

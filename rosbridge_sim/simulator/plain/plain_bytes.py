@@ -41,11 +41,7 @@ take 5 s."""
 MAX_ITEMS: Final = 2**32
 """Product of the axes of an array that are not 0: more than any bytes hold, and within what numpy can shape."""
 
-_KINDS: Final = {
-    b"f": np.dtype("<f8"),
-    b"i": np.dtype("<i8"),
-    b"?": np.dtype(np.bool_),
-}
+_KINDS: Final = {b"f": np.dtype("<f8"), b"i": np.dtype("<i8"), b"?": np.dtype(np.bool_)}
 _LETTERS: Final = {kind: letter for letter, kind in _KINDS.items()}
 
 _COUNT: Final = struct.Struct("<I")

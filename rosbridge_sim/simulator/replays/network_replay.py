@@ -44,11 +44,7 @@ class NetworkReplay:
     """Subscriber of `/ReplayInfo_topic`: moves the world by the messages of one client."""
 
     def __init__(
-        self,
-        context: SimulatorContext,
-        process: ReplayProcess,
-        playback: Playback,
-        info: ReplayInfoPublisher,
+        self, context: SimulatorContext, process: ReplayProcess, playback: Playback, info: ReplayInfoPublisher
     ) -> None:
         """No client is followed yet.
 

@@ -104,10 +104,7 @@ class Playback:
 
     def save_state(self) -> PlainData:
         """Return the position and what is moved, without the recording."""
-        return (
-            *(self.targets, self.speed, self._start_ns, self._position_ns, self.is_over),
-            self._actors.save_state(),
-        )
+        return (*(self.targets, self.speed, self._start_ns, self._position_ns, self.is_over), self._actors.save_state())
 
     def load_state(self, data: PlainData, recording: Recording) -> None:
         """Become what was saved; the world and the egos have been restored.

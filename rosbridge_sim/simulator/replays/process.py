@@ -32,11 +32,7 @@ class ReplayProcess:
         on_event: called after each event with monotonic time [s].
     """
 
-    def __init__(
-        self,
-        context: SimulatorContext,
-        playback: Playback,
-    ) -> None:
+    def __init__(self, context: SimulatorContext, playback: Playback) -> None:
         """Nothing is replayed yet.
 
         Args:

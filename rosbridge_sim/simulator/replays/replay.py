@@ -48,11 +48,7 @@ class Replay(Component):
     """Component that shows recordings."""
 
     def __init__(
-        self,
-        context: SimulatorContext,
-        recordings: Recordings | None,
-        *,
-        is_showing_drives: bool = False,
+        self, context: SimulatorContext, recordings: Recordings | None, *, is_showing_drives: bool = False
     ) -> None:
         """Nothing is replayed yet.
 

@@ -31,13 +31,7 @@ message, and follow it."""
 class ReplayInfoPublisher:
     """Publisher of ReplayInfo."""
 
-    def __init__(
-        self,
-        context: SimulatorContext,
-        process: ReplayProcess,
-        *,
-        is_showing_drives: bool,
-    ) -> None:
+    def __init__(self, context: SimulatorContext, process: ReplayProcess, *, is_showing_drives: bool) -> None:
         """Nothing is published before `publish`.
 
         Args:

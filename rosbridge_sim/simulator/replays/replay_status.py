@@ -37,12 +37,7 @@ class ReplayStatus:
     def publish(self, publishers: Publishers) -> None:
         """Publish the topic."""
         publishers.add(
-            REPLAY,
-            "rosbridge_sim_msgs/Replay",
-            self._message,
-            rate=RATE,
-            is_sampled=True,
-            version=self._values,
+            REPLAY, "rosbridge_sim_msgs/Replay", self._message, rate=RATE, is_sampled=True, version=self._values
         )
 
     def _message(self) -> Struct:

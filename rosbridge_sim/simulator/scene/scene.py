@@ -343,15 +343,7 @@ class Scene:
         if model is not None:
             body, name = _limit_speed_mode(model.body, self._speed_limits), model.name
         uid = world.spawn(
-            Kind.EGO,
-            body,
-            name=name,
-            x=pose.x,
-            y=pose.y,
-            z=pose.z,
-            yaw=pose.yaw,
-            uid=self._next_uid,
-            gear=gear,
+            Kind.EGO, body, name=name, x=pose.x, y=pose.y, z=pose.z, yaw=pose.yaw, uid=self._next_uid, gear=gear
         )
         self._next_uid += 1
         return uid

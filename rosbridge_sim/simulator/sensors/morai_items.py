@@ -107,11 +107,7 @@ class Reading:
             topic = "/" + named.lstrip("/")
         elif named:
             self.remarks.append(f"{frame}: {named[:80]!r} is not the name of a topic; it publishes {topic}")
-        table: dict[str, Any] = {
-            "frame_id": frame,
-            "topic": topic,
-            **place_of(item),
-        }
+        table: dict[str, Any] = {"frame_id": frame, "topic": topic, **place_of(item)}
         if block.sensorPeriod is not None and block.sensorPeriod > 0.0:
             rate = 1.0 / block.sensorPeriod
             table["rate"] = min(FRAME_RATE, float(round(rate)) if abs(rate - round(rate)) < 0.05 else rate)  # noqa: PLR2004 - 0.0333 s is 30 Hz

@@ -27,8 +27,7 @@ class _Maker:
         columns = (echoes.azimuth, echoes.range_rate, echoes.amplitude)
         rows = zip(echoes.position.tolist(), *(column.tolist() for column in columns), strict=True)
         return self._detections(
-            header,
-            [self._detection(i, self._point(*place), *figures) for i, (place, *figures) in enumerate(rows)],
+            header, [self._detection(i, self._point(*place), *figures) for i, (place, *figures) in enumerate(rows)]
         )
 
 

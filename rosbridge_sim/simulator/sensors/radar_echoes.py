@@ -242,7 +242,4 @@ def _relative_velocities(
     own_east, own_north = _velocity(world, row, here)
     yaw, speed, turn = world.yaw[others], world.speed[others], world.yaw_rate[others]
     x, y = point[0] + here[0] - world.x[others], point[1] + here[1] - world.y[others]
-    return (
-        speed * np.cos(yaw) - turn * y - own_east,
-        speed * np.sin(yaw) + turn * x - own_north,
-    )
+    return (speed * np.cos(yaw) - turn * y - own_east, speed * np.sin(yaw) + turn * x - own_north)

@@ -138,12 +138,7 @@ class Describe(Component):
             if world.kind[row] == Kind.EGO:  # it drives as it can: its offset is measured
                 near = find_lane(roads, *(getattr(world, name).item(row) for name in ("x", "y", "yaw", "z")))
                 lateral = near.lateral if near is not None and near.lane == lane else 0.0
-            return {
-                "link": roads.ids[lane],
-                "distance": world.arc.item(row),
-                "lateral": lateral,
-                "next_links": ahead,
-            }
+            return {"link": roads.ids[lane], "distance": world.arc.item(row), "lateral": lateral, "next_links": ahead}
         near = find_lane(roads, *(getattr(world, name).item(row) for name in ("x", "y", "yaw", "z")))
         if near is None or near.distance > MAX_TO_LANE:
             return {}

@@ -34,12 +34,7 @@ from rosbridge_sim.simulator.plain.plain_bytes import PlainData, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import FoundMap, Load, MapKey
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneAction, SceneCommand
-from rosbridge_sim.simulator.snapshots.saved_loads import (
-    Maps,
-    pack_action,
-    unpack_action,
-    unpack_load,
-)
+from rosbridge_sim.simulator.snapshots.saved_loads import Maps, pack_action, unpack_action, unpack_load
 from rosbridge_sim.simulator.snapshots.snapshot_checks import check_egos, check_numbers
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.saved_world import from_plain, to_plain

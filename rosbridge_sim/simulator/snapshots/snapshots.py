@@ -82,11 +82,7 @@ class Snapshots(Component):
     """The component of snapshots. What it keeps is no part of a snapshot."""
 
     def __init__(
-        self,
-        context: SimulatorContext,
-        components: Sequence[Component],
-        replay: Replay,
-        recordings: Recordings | None,
+        self, context: SimulatorContext, components: Sequence[Component], replay: Replay, recordings: Recordings | None
     ) -> None:
         """Keep nothing yet.
 

@@ -75,12 +75,7 @@ class Barrier:
     """
 
     def __init__(
-        self,
-        sync: Sync[Any],
-        *,
-        lease: float | None = None,
-        is_strict: bool = False,
-        may_anyone_stop: bool = False,
+        self, sync: Sync[Any], *, lease: float | None = None, is_strict: bool = False, may_anyone_stop: bool = False
     ) -> None:
         """Begin without members.
 

@@ -8,9 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.simulator.sync.barrier_table import (
-    BarrierEvent,
-)
+from rosbridge_sim.simulator.sync.barrier_table import BarrierEvent
 
 OnBarrierTick = Callable[[str], None]
 """Takes why the tick was refused; an empty text says that it was carried out."""

@@ -6,10 +6,7 @@ from collections.abc import Callable
 from typing import Generic, NamedTuple, TypeVar
 
 from rosbridge_sim.records import Record, field
-from rosbridge_sim.simulator.sync.sync_table import (
-    FRAME_MS,
-    SyncEvent,
-)
+from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, SyncEvent
 
 C = TypeVar("C")
 """Type of a command; the caller chooses it."""

@@ -101,12 +101,7 @@ def _intruders(
 
 
 def _distance_to(
-    conflicts: LaneConflicts,
-    drivers: Drivers,
-    driver: IntArray,
-    lane: IntArray,
-    *,
-    is_held: BoolArray,
+    conflicts: LaneConflicts, drivers: Drivers, driver: IntArray, lane: IntArray, *, is_held: BoolArray
 ) -> FloatArray:
     """Return the distances from bumpers to the starts of lanes that drivers claim or hold, (m,) [m]."""
     lanes, length = drivers.lanes.take(driver, axis=1), conflicts.roads.length

@@ -145,11 +145,7 @@ def _along(world: WorldRows, lines: _Lines, rows: IntArray) -> FloatArray:
 
 
 def _bend(
-    world: WorldRows,
-    rows: IntArray,
-    arc: FloatArray,
-    half: FloatArray,
-    directions: tuple[_Points, _Points, IntArray],
+    world: WorldRows, rows: IntArray, arc: FloatArray, half: FloatArray, directions: tuple[_Points, _Points, IntArray]
 ) -> None:
     """Write the mean directions of the lines, now and one step before, for rows that are near a corner.
 

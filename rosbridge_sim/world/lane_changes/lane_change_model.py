@@ -76,11 +76,7 @@ def follow(speed: FloatArray, desired_speed: FloatArray, gap: FloatArray, lead_s
 
 
 def find_safe(
-    speed: FloatArray,
-    gap_ahead: FloatArray,
-    lead_speed: FloatArray,
-    gap_behind: FloatArray,
-    follower_speed: FloatArray,
+    speed: FloatArray, gap_ahead: FloatArray, lead_speed: FloatArray, gap_behind: FloatArray, follower_speed: FloatArray
 ) -> BoolArray:
     """Return which changes are safe, (k,): nobody must brake harder than `SAFE_BRAKING`, and there is room.
 

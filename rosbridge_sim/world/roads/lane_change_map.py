@@ -57,18 +57,7 @@ class LaneNeighbours:
     """
 
     __slots__ = (
-        *(
-            "across",
-            "before",
-            "beside",
-            "group",
-            "has_side",
-            "is_any",
-            "keeps_right",
-            "may",
-            "merge_side",
-            "place",
-        ),
+        *("across", "before", "beside", "group", "has_side", "is_any", "keeps_right", "may", "merge_side", "place"),
         "roads",
     )
 

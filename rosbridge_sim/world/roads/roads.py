@@ -303,11 +303,7 @@ class Roads:
         return point, (s - start) / self.segments.length[self._segment_of_point[point]]
 
     def nearest(
-        self,
-        x: npt.ArrayLike,
-        y: npt.ArrayLike,
-        yaw: npt.ArrayLike | None = None,
-        z: npt.ArrayLike | None = None,
+        self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None, z: npt.ArrayLike | None = None
     ) -> LanePlaces:
         """Return the lane nearest to each point, and the place on it.
 

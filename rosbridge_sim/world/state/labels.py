@@ -12,12 +12,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.state.entity_types import (
-    MAX_COORDINATE,
-    MAX_SPEED,
-    Body,
-    Kind,
-)
+from rosbridge_sim.world.state.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Kind
 
 LOOK_AHEAD: Final = 0.5
 """Length over which a body without axles turns at a corner of its path [m]: a pedestrian's step."""

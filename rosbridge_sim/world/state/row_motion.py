@@ -9,12 +9,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.roads.paths import DX, DY, DZ, END, START, TURN, YAW, Paths, Segments, X, Y, Z
-from rosbridge_sim.world.state.entity_arrays import (
-    INTS,
-    LANE_CHANGE_CODES,
-    LANE_CHANGE_COLUMNS,
-    LEG_COLUMNS,
-)
+from rosbridge_sim.world.state.entity_arrays import INTS, LANE_CHANGE_CODES, LANE_CHANGE_COLUMNS, LEG_COLUMNS
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Kind
 from rosbridge_sim.world.state.world_rows import WorldRows
 

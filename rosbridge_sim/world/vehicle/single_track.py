@@ -488,12 +488,7 @@ def _lean(do: Operators[V], angle: V, goal: V, share: float) -> tuple[V, V]:
 
 
 def _press(  # noqa: PLR0917 - keywords would take a tenth of the time
-    do: Operators[V],
-    car: Car[V],
-    state: tuple[V, V, V, V],
-    aims: tuple[V, V, V, V, V],
-    forces: tuple[V, V],
-    dt: float,
+    do: Operators[V], car: Car[V], state: tuple[V, V, V, V], aims: tuple[V, V, V, V, V], forces: tuple[V, V], dt: float
 ) -> tuple[V, V]:
     """Return throttle and brake of the controller; see the head of this file.
 

@@ -13,7 +13,6 @@ from rosbridge_sim.scenery.pictures import Channel, Weather
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.rendering import camera_renderer
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
-from rosbridge_sim.shell.rendering.gl_mesh import REACH
 from rosbridge_sim.shell.rendering.shaders import ASPHALT_FADES, GRASS_FADES
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
 from rosbridge_sim.shell.rendering.weather_looks import LOOKS
@@ -134,7 +133,7 @@ def test_cameras_of_one_frame_see_each_their_own_side() -> None:
 
 def test_entities_are_drawn_up_to_their_reach() -> None:
     world, camera = World(), CameraModel(640, 480, 4.0)
-    ids = [put(world, "Bus", REACH + away, y) for away, y in ((-30.0, 4.0), (60.0, -4.0))]
+    ids = [put(world, "Bus", x, y) for x, y in ((370.0, 4.0), (460.0, -4.0))]
     picture = open_renderer().render(ground_mesh(), take_frame(world), camera, Pose(0, 0, 1.5), channels=CLASSES)
     assert picture.instance is not None
     assert set(np.unique(picture.instance)) == {0, ids[0] + 1}
