@@ -17,11 +17,12 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from rosbridge_sim import Simulator
+from rosbridge_sim import Simulator, SimulatorOptions
 from rosbridge_sim.cli.doctor.doctor_run import all_checks
 from rosbridge_sim.link import plain_client
 from tests.cli.doctor.wrong_server import FAULTS, Fault, wrong_server
 from tests.cli.tool_fixture import Result, other_server, run, talking_server
+from tests.shell.websocket.test_access import Certificate
 from tests.support import PATIENCE
 
 LISTS = ("rosapi/topics", "rosapi/services", "rosapi/nodes")
@@ -194,3 +195,20 @@ def test_list_has_every_check_with_its_source() -> None:
 def test_checks_of_what_no_honest_client_sends_are_made_only_when_wanted() -> None:
     usual = {one.section for one in all_checks(is_hostile=False, is_load=False)}
     assert not usual & {"hostile", "load", "large"}
+
+
+async def test_server_behind_tls_is_examined(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    certificate = Certificate(tmp_path)
+    options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": "secret"}
+    options |= {"port": 0, "world": False}
+    async with Simulator(**options) as simulator:
+        untrusted = await doctor(simulator.url, "--only", "connection", "--token", "secret")
+        plain = await doctor(simulator.url.replace("wss:", "ws:"), "--only", "connection", "--token", "secret")
+        monkeypatch.setenv("SSL_CERT_FILE", certificate.certfile)
+        wrong = await doctor(simulator.url, "--only", "connection", "--token", "wrong")
+        done = await doctor(simulator.url, "--only", "connection", "--token", "secret", "--json")
+    assert (untrusted.code, "SSL_CERT_FILE may name certificates to trust" in untrusted.complaint) == (2, True)
+    assert (plain.code, "use wss://" in plain.complaint) == (2, True)
+    assert (wrong.code, "--token" in wrong.complaint) == (2, True)
+    assert done.code == 0
+    assert {one["verdict"] for one in done.json["checks"]} == {"conforms"}
