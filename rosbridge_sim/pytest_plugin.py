@@ -1,4 +1,4 @@
-"""The pytest plugin: simulators and clients as fixtures, and a report on them when a test fails.
+"""The pytest plugin: simulators, mocks and clients as fixtures, and a report on them when a test fails.
 
 pytest loads it by the entry point `rosbridge_sim`. The rest of the package is imported when a fixture is used, so a
 test run without a simulator is not slower. `docs/testing.md` explains fixtures, markers and the report.
@@ -6,9 +6,11 @@ test run without a simulator is not slower. `docs/testing.md` explains fixtures,
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Unpack
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
     from rosbridge_sim.client import Client
     from rosbridge_sim.shell.failure_report import FailureReport
 
-__all__ = ["SimulatorFactory"]
+__all__ = ["MockFactory", "RosbridgeMock", "SimulatorFactory"]
 
 SECTION = "rosbridge_sim"
 """Title of the section in the report on a failed test."""
@@ -121,6 +123,81 @@ def rosbridge_client(rosbridge_simulator: Simulator) -> Iterator[Client]:
 
     with Client(rosbridge_simulator.url, token=rosbridge_simulator.settings.token) as client:
         yield client
+
+
+class RosbridgeMock:
+    """A mock of a robot that runs until the end of the test.
+
+    Attributes:
+        simulator: its server.
+        url: URL for the clients that are tested.
+    """
+
+    def __init__(self, simulator: Simulator) -> None:
+        """Know its server, which has a control port."""
+        self.simulator = simulator
+        self.url = simulator.url
+
+    def fault(self, name: str, rule: Mapping[str, object] | None = None, *, is_on: bool = True) -> None:
+        """Switch a fault, or add one, by the control port, which no fault touches.
+
+        Args:
+            name: of a fault of the mock's file, or of a new one.
+            rule: of a new fault, as in a mock's file: `{"kind": "drop", "topics": ["/scan"]}`.
+            is_on: switch it on, or off.
+
+        Raises:
+            ValueError: there is no such fault, or the rule has a mistake.
+        """
+        from rosbridge_sim.client import Client  # noqa: PLC0415 - a run without simulators does not need it
+
+        mock = self.simulator.mock
+        assert mock is not None, "it was started as a mock"
+        assert mock.control is not None, "with a control port"
+        with Client(f"ws://127.0.0.1:{mock.control.port}", token=self.simulator.settings.token) as client:
+            request = {"name": name, "active": is_on, "rule": "" if rule is None else json.dumps(rule)}
+            answer = client.call("/mock/set_fault", request)
+        if not answer["success"]:
+            raise ValueError(answer["message"])
+
+
+class MockFactory(Protocol):
+    """The value of the fixture `rosbridge_mock`."""
+
+    def __call__(
+        self, content: str | Path | Mapping[str, object], **options: Unpack[SimulatorOptions]
+    ) -> RosbridgeMock:
+        """Start a mock that runs until the end of the test.
+
+        Args:
+            content: the mock's file, or its content: `{"topics": {"/x": {"type": "std_msgs/Bool", "rate": 5}}}`.
+            options: as for `rosbridge_sim.Simulator`, without a world.
+
+        Returns:
+            The running mock.
+        """
+
+
+@pytest.fixture
+def rosbridge_mock(rosbridge_simulator_factory: SimulatorFactory, tmp_path: Path) -> MockFactory:
+    """Return a function that starts mocks of robots.
+
+    Args:
+        tmp_path: the test's temporary folder; a mock without a file has one there.
+    """
+    numbers = count()
+
+    def start(content: str | Path | Mapping[str, object], **options: Unpack[SimulatorOptions]) -> RosbridgeMock:
+        if isinstance(content, Mapping):
+            file = tmp_path / f"mock{next(numbers)}.yaml"
+            file.write_text(json.dumps(content), encoding="utf-8")
+        else:
+            file = Path(content)
+        given: SimulatorOptions = {"mock": str(file), "control_port": 0}
+        given.update(options)
+        return RosbridgeMock(rosbridge_simulator_factory(**given))
+
+    return start
 
 
 def _options_of(item: pytest.Item) -> SimulatorOptions:

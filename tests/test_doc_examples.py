@@ -52,7 +52,7 @@ NUMBER = re.compile(r"-?\d+\.\d+")
 EXACT = ("python", "tutorial", "drive", "messages", "step", "score", "barrier")
 """Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
 
-TESTS = ("first-test", "fixtures", "unittest", "brakes")
+TESTS = ("first-test", "fixtures", "unittest", "brakes", "mocks")
 """Files of tests for pytest."""
 
 OTHERS = (
@@ -69,6 +69,7 @@ OTHERS = (
     "doctor",
     "contract",
     "contract-file",
+    *(f"web-app-{name}" for name in ("mock", "page", "config", "setup", "spec", "pytest")),
     "catalogue",
     "scenario-ego",
     "scenario-vehicles",

@@ -298,3 +298,58 @@ def test_world_that_fails(rosbridge_client, rosbridge_simulator):
 """)
     assert (run.counts.get("passed"), run.counts.get("error")) == (1, 1), run.out
     assert "internal errors of the simulator, with tracebacks in the log" in run.out
+
+
+MOCKS = """
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim.client import Client
+
+
+def test_files_and_dicts_are_mocks_of_their_own(rosbridge_mock, tmp_path):
+    content = {"services": {"/stop": {"type": "std_srvs/Trigger", "answers": [{"value": {"message": "one"}}]}}}
+    file = tmp_path / "robot.yaml"
+    file.write_text("services: {/stop: {type: std_srvs/Trigger, answers: [{value: {message: two}}]}}")
+    mocks = [rosbridge_mock(one, token="word") for one in (content, file, str(file))]
+    answers = []
+    for mock in mocks:
+        with Client(mock.url, token="word") as client:
+            answers.append(client.call("/stop")["message"])
+    assert answers == ["one", "two", "two"]
+    mocks[0].fault("broken", {"kind": "fail", "text": "no"})
+    with Client(mocks[0].url, token="word") as client, pytest.raises(Exception, match="no"):
+        client.call("/stop")
+    with Client(mocks[1].url, token="word") as client:
+        assert client.call("/stop")["message"] == "two"
+
+
+def test_mistake_in_a_fault_is_told(rosbridge_mock):
+    mock = rosbridge_mock({"faults": {"slow": {"kind": "slow", "on": False}}})
+    mock.fault("slow")
+    with pytest.raises(ValueError, match="did you mean slow"):
+        mock.fault("slwo")
+    with pytest.raises(ValueError, match="kind"):
+        mock.fault("new", {"kind": "nonsense"})
+
+
+def test_mistake_in_the_content_fails(rosbridge_mock):
+    rosbridge_mock({"topics": {"/a": {"tipe": "x"}}})
+
+
+def test_missing_file_fails(rosbridge_mock):
+    rosbridge_mock("nowhere.yaml")
+"""
+
+
+def test_mocks_run_until_the_end_of_a_test(run_tests: RunTests) -> None:
+    run = run_tests(MOCKS, "-k", "not fails")
+    assert (run.code, run.counts["passed"]) == (0, 2), run.out
+
+
+def test_mistake_of_a_mock_is_the_reason_of_the_failure(run_tests: RunTests) -> None:
+    run = run_tests(MOCKS, "-k", "fails")
+    assert run.counts["failed"] == 2, run.out
+    assert "mock0.yaml:1: topics./a.tipe: expected one of type, " in run.out
+    assert "nowhere.yaml: cannot be read" in run.out
