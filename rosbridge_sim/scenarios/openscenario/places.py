@@ -20,12 +20,16 @@ from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import nearest_on_polyline
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.routing import find_route
+from rosbridge_sim.world.state.entity_types import MAX_COORDINATE
 
 FAR: Final = 100.0
 """What is farther from all lanes than this is on none [m]."""
 
 TOUCHES: Final = 1e-6
 """A foot point is this near to the perpendicular of a place, unless the place lies beyond an end of its lane [m]."""
+
+MAX_MOVED: Final = 10_000
+"""Most lanes that a place is moved over; there it ends, as at the end of a road."""
 
 SAME: Final = 0.5
 """A place this near to the line of a lane is in the middle of the lane [m]."""
@@ -93,6 +97,8 @@ class StoryMap:
             place = _FINDERS[position.kind](self, position, entity)
         except DocumentError as error:
             raise DocumentError(f"{position.where}: {position.kind}: {error}") from None
+        if not max(map(abs, (place.x, place.y, place.z))) <= MAX_COORDINATE:
+            raise DocumentError(f"{position.where}: {position.kind}: expected a place within {MAX_COORDINATE:g} m")
         turn = position.find("Orientation")
         if turn is None:
             return place
@@ -132,15 +138,18 @@ class StoryMap:
             route: rows of lanes that are taken where lanes fork; where it does not tell, the straightest one.
         """
         roads, lane, s = self.roads, on.lane, on.s + way
+        lanes_left = MAX_MOVED
         while s > roads.length[lane]:
+            lanes_left -= 1
             following = roads.successors(lane).tolist()
-            if not following:
+            if not following or not lanes_left:
                 return OnLane(lane, float(roads.length[lane]), on.offset, on.turned), s - float(roads.length[lane])
             s -= float(roads.length[lane])
             lane = _choose(roads, following, route)
         while s < 0.0:
+            lanes_left -= 1
             before = predecessors(roads, lane)
-            if not before:
+            if not before or not lanes_left:
                 return OnLane(lane, 0.0, on.offset, on.turned), s
             lane = next((each for each in before if each in route), before[0])
             s += float(roads.length[lane])

@@ -20,7 +20,10 @@ MAX_STORY_BYTES: Final = 1 << 21
 """Largest file, of a scenario or of catalogues: 2 MiB. The largest of 288 public ones has 0.1 MB."""
 
 MAX_ENTITIES: Final = 1_000
-MAX_EVENTS: Final = 10_000
+MAX_EVENTS: Final = 1_000
+MAX_LOOKS: Final = 1_000
+"""Most conditions, counted once for each of their triggering entities: a frame looks at all, some 0.05 ms each."""
+
 MAX_FOLDERS: Final = 16
 MAX_SHOWN: Final = 8
 """Refused things that an error names; `scenario check` lists all."""
@@ -232,9 +235,10 @@ def _check(story: Story) -> None:
     """Check names that refer to something within the story."""
     mistakes, source = story.findings.mistakes, story.text.source
     names = {kind: set(of) for kind, of in element_names(story.storyboard).items()}
-    num_events = 0
+    num_events = num_looks = 0
     for item in each_item(story.storyboard):
         num_events += item.kind == "Event"
+        num_looks += len(item.parts) if item.kind == "TriggeringEntities" else item.kind == "ByValueCondition"
         known: Mapping[str, str] | set[str]
         if item.kind == "StoryboardElementStateCondition":
             known, key = names[item["storyboardElementType"]], "storyboardElementRef"
@@ -252,6 +256,10 @@ def _check(story: Story) -> None:
             (story.findings.notes if story.text.is_lenient else mistakes).append(what)
     if num_events > MAX_EVENTS:
         mistakes.append(f"{source}: expected at most {MAX_EVENTS:,} events, got {num_events:,}")
+    if num_looks > MAX_LOOKS:
+        mistakes.append(
+            f"{source}: expected at most {MAX_LOOKS:,} conditions of entities and values, got {num_looks:,}"
+        )
 
 
 ELEMENT_TYPES: Final = {

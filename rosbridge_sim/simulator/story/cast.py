@@ -19,7 +19,7 @@ from rosbridge_sim.printable import printable
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
-from rosbridge_sim.world.state.world import DT, MAX_SPEED, World
+from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, World
 
 STORY: Final = "story"
 PROGRAM: Final = "program"
@@ -214,6 +214,7 @@ class Cast:
                 for (_, actor), rate in zip(moved, rates, strict=True)
             ]
         ).T
+        values[:3] = np.clip(values[:3], -MAX_COORDINATE, MAX_COORDINATE)
         show_ghosts(self.world, rows, _COLUMNS, values)
 
     def _drive(self, actor: StoryActor, offset: float, curvature: float) -> None:

@@ -36,6 +36,9 @@ NEAR: Final = 0.05
 
 NO_LIMIT: Final = 1e9
 
+POINT: Final = 6
+"""Figures of a point of a trajectory."""
+
 
 @dataclass(slots=True)
 class Running:
@@ -78,11 +81,28 @@ Advance = Callable[[Stage, StoryItem, StoryActor, Running], bool]
 
 
 class StoryMotion(Record, eq=False):
-    """A kind of action: its domains, and what it does."""
+    """A kind of action: its domains, what it does, and what a running one remembers.
+
+    Attributes:
+        memo: names of its numbers.
+        num_points: least number of its points; 0 for none.
+    """
 
     domains: tuple[str, ...]
     begin: Begin
     advance: Advance
+    memo: tuple[str, ...] = ()
+    num_points: int = 0
+
+    def fits(self, running: Running) -> bool:
+        """Return whether what a running action remembers, from outside, can be of this kind."""
+        num = len(running.points)
+        return (
+            set(running.numbers) == set(self.memo)
+            and max(map(abs, running.numbers.values()), default=0.0) <= NO_LIMIT
+            and (num >= self.num_points if self.num_points else num == 0)
+            and all(len(point) == POINT and max(map(abs, point)) <= NO_LIMIT for point in running.points)
+        )
 
 
 def shape_at(shape: str, share: float) -> float:
@@ -460,7 +480,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     3 (d - v T) / T^2 without a final speed.
     """
     master = stage.cast.find(item["masterEntityRef"])
-    own, other = (MapPlace(*point[:4]) for point in running.points)
+    own, other = (MapPlace(*point[:4]) for point in running.points[:2])
     way = stage.measures.way_to(running.entity, own)
     time = stage.measures.way_to(item["masterEntityRef"], other) / max(master.speed, 1e-6)
     if time <= stage.step or way <= NEAR + item.get("targetTolerance", 0.0):
@@ -486,18 +506,19 @@ def _never(_stage: Stage, _item: StoryItem, _actor: StoryActor, _running: Runnin
     return True
 
 
+_CHANGE: Final = ("from", "to", "length", "at")
 _LONG: Final = ("longitudinal",)
 _LAT: Final = ("lateral",)
 
 MOTIONS: Final[Mapping[str, StoryMotion]] = {
-    "SpeedAction": StoryMotion(_LONG, _begin_speed, _advance_speed),
-    "SpeedProfileAction": StoryMotion(_LONG, _begin_profile, _advance_profile),
-    "LongitudinalDistanceAction": StoryMotion(_LONG, _begin_gap, _advance_gap),
-    "SynchronizeAction": StoryMotion(_LONG, _begin_sync, _advance_sync),
-    "LaneChangeAction": StoryMotion(_LAT, _begin_change, _advance_change),
-    "LaneOffsetAction": StoryMotion(_LAT, _begin_offset, _advance_offset),
-    "LateralDistanceAction": StoryMotion(_LAT, _begin_side, _advance_side),
-    "FollowTrajectoryAction": StoryMotion(_LAT, _begin_trajectory, _advance_trajectory),
+    "SpeedAction": StoryMotion(_LONG, _begin_speed, _advance_speed, _CHANGE),
+    "SpeedProfileAction": StoryMotion(_LONG, _begin_profile, _advance_profile, ("at", "entry", "from", "accel")),
+    "LongitudinalDistanceAction": StoryMotion(_LONG, _begin_gap, _advance_gap, ("accel",)),
+    "SynchronizeAction": StoryMotion(_LONG, _begin_sync, _advance_sync, ("accel",), 2),
+    "LaneChangeAction": StoryMotion(_LAT, _begin_change, _advance_change, (*_CHANGE, "lane")),
+    "LaneOffsetAction": StoryMotion(_LAT, _begin_offset, _advance_offset, _CHANGE),
+    "LateralDistanceAction": StoryMotion(_LAT, _begin_side, _advance_side, ("rate",)),
+    "FollowTrajectoryAction": StoryMotion(_LAT, _begin_trajectory, _advance_trajectory, ("start", "way", "timed"), 2),
     "AssignRouteAction": StoryMotion((), _begin_route, _never),
     "AcquirePositionAction": StoryMotion((), _begin_route, _never),
     "TeleportAction": StoryMotion((), _begin_teleport, _never),

@@ -27,7 +27,7 @@ from rosbridge_sim.simulator.story.measures import Measures
 from rosbridge_sim.simulator.story.motions import MOTIONS, Running, Stage
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.placement import set_speed
-from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED
 
 _WRAPPERS: Final = frozenset({"PrivateAction", "LongitudinalAction", "LateralAction", "RoutingAction"})
 """Elements around private actions that say only where they belong."""
@@ -350,6 +350,9 @@ class ToldStory:
             and all(
                 actor.mode in MODES
                 and -1 <= actor.lane < len(self._map.roads)
+                and 0.0 <= actor.s <= (self._map.roads.length[actor.lane] if actor.lane >= 0 else 0.0)
+                and max(map(abs, (actor.x, actor.y, actor.z, actor.offset))) <= MAX_COORDINATE
+                and max(abs(actor.speed), abs(actor.way_speed or 0.0)) <= MAX_SPEED
                 and all(0 <= lane < len(self._map.roads) for lane in actor.route)
                 for actor in state.actors.values()
             )
@@ -361,8 +364,9 @@ class ToldStory:
         if not is_good:
             raise ValueError("expected a state of the story that is loaded")
         for running in state.running:
-            if not MOTIONS[self._item_of(running.number).kind].domains:
-                raise ValueError("expected actions that take time")
+            motion = MOTIONS.get(self._item_of(running.number).kind)
+            if motion is None or not motion.domains or not motion.fits(running):
+                raise ValueError("expected running actions of the story that is loaded")
         self.state = state
         self._use_state()
 

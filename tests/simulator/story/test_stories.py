@@ -100,6 +100,8 @@ def test_a_snapshot_of_another_process_is_read_and_goes_on() -> None:
         ("running", [{"number": 0, "entity": "Car", "numbers": {}, "points": []}]),
         ("running", [{"number": 5, "entity": "Nobody", "numbers": {}, "points": []}]),
         ("board", 3),
+        ("running", [{"number": -2, "entity": "Ego", "numbers": {"at": 1.0}, "points": []}]),
+        ("running", [{"number": 7, "entity": "Car", "numbers": {}, "points": [(1.0,)]}]),
     ],
 )
 def test_a_state_that_no_story_has_is_refused_and_changes_nothing(key: str, value: object) -> None:
