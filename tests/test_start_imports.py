@@ -22,6 +22,13 @@ asyncio.run(main())
 RARE = {
     *("pydantic", "pydantic_core", "numpy.ma", "PIL", "pyproj", "rosbags", "markdown_it", "prometheus_client"),
     *("difflib", "tomllib", "gzip", "html", "cyclonedds", "moderngl", "pyarrow", "cma"),
+    *(
+        "rosbridge_sim.graph.gateway.gateway",
+        "rosbridge_sim.graph.ros1",
+        "rosbridge_sim.graph.ros2.cdr_types",
+        "xmlrpc",
+    ),
+    *("rosbridge_sim.shell.ros1", "rosbridge_sim.shell.ros2"),
     *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.module_joining"),
     *("rosbridge_sim.campaigns", "rosbridge_sim.cli", "rosbridge_sim.environments", "rosbridge_sim.shell.rendering"),
 }

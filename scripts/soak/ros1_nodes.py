@@ -171,11 +171,13 @@ class _Lives:
 
     async def _send_rubbish(self, node: SmallNode) -> None:
         host, port = await node.ask_topic("/clock")
-        reader, writer = await asyncio.open_connection(host, port)
-        writer.write(self._chance.randbytes(self._chance.randint(1, 300)))
-        await asyncio.sleep(0.1)
-        writer.close()
-        self._num["bytes of rubbish"] += len(await reader.read())
+        _, writer = await asyncio.open_connection(host, port)
+        try:
+            writer.write(rubbish := self._chance.randbytes(self._chance.randint(1, 300)))
+            await asyncio.sleep(0.1)
+        finally:
+            writer.close()
+        self._num["bytes of rubbish"] += len(rubbish)
 
 
 async def soak(seconds: float, seed: int, folder: Path, *, num_parts: int = 10) -> Report:
@@ -204,7 +206,8 @@ async def soak(seconds: float, seed: int, folder: Path, *, num_parts: int = 10) 
                         end = time.monotonic() + seconds / num_parts / 2
                         await asyncio.gather(*(lives.live(end) for _ in range(NUM_LIVES)))
                         master.forget()  # a node that is there now would be unknown for ever
-                    report.figures.append(await _settle(lives, client, server))
+                    first = report.figures[0] if report.figures else None
+                    report.figures.append(await _settle(lives, client, server, first))
                     print(f"part {i}: {report.num.total():,} done, {report.figures[-1]}", flush=True)
             except (SoakError, ClientError) as error:
                 report.faults.append(str(error))
@@ -215,8 +218,12 @@ async def soak(seconds: float, seed: int, folder: Path, *, num_parts: int = 10) 
     return report
 
 
-async def _settle(lives: _Lives, client: AsyncClient, server: WatchedServer) -> Figures:
-    """Return the figures once the server knows no node any more."""
+async def _settle(lives: _Lives, client: AsyncClient, server: WatchedServer, first: Figures | None) -> Figures:
+    """Return the figures once the server knows no node any more.
+
+    Args:
+        first: figures after the first part, which are waited for.
+    """
 
     async def is_alone() -> bool:
         lives.forget()
@@ -227,11 +234,12 @@ async def _settle(lives: _Lives, client: AsyncClient, server: WatchedServer) -> 
         names = (await client.call("/rosapi/nodes"))["nodes"]
         raise SoakError(f"nodes that have gone are still known: {names}")
     least = await asyncio.to_thread(server.figures, is_collected=True)
-    for _ in range(20):  # connections that are being closed, or tried again
-        await asyncio.sleep(0.2)
+    for _ in range(20):  # connections are being closed
+        if first is not None and (least.descriptors, least.tasks) <= (first.descriptors, first.tasks):
+            break
+        await asyncio.sleep(0.1)
         now = await asyncio.to_thread(server.figures, is_collected=True)
-        if (now.descriptors, now.tasks) < (least.descriptors, least.tasks):
-            least = now
+        least = min(least, now, key=lambda one: (one.descriptors, one.tasks))
     return least
 
 

@@ -12,7 +12,7 @@ from typing import IO
 import pytest
 
 from rosbridge_sim.records import replace
-from scripts.soak import hostile, snapshots
+from scripts.soak import hostile, ros1_nodes, snapshots
 from scripts.soak.faults import CASES, SHORT, Case, run_case
 from scripts.soak.harness import Programs
 from scripts.soak.mixed import soak
@@ -80,3 +80,12 @@ async def test_resets_and_restores_leave_nothing_in_the_server(tmp_path: Path) -
     assert [*report.faults, *snapshots.judge(report)] == []
     assert report.num["resets"] == 360
     assert min(report.num[what] for what in ("restores by name", "restores by bytes", "load", "step", "barrier")) > 0
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="figures of another process are Linux's")
+async def test_nodes_of_ros1_that_come_and_go_leave_nothing_in_the_server(tmp_path: Path) -> None:
+    report = await ros1_nodes.soak(2.0, 1, tmp_path, num_parts=2)
+    assert [*report.faults, *ros1_nodes.judge(report)] == []
+    kinds = ("read", "stall", "publish", "provide", "call", "lead", "send rubbish")
+    assert min(report.num[f"lives that {kind}"] for kind in kinds) > 0
+    assert min(report.num[what] for what in ("messages to nodes", "calls of nodes", "ticks", "bytes of rubbish")) > 0

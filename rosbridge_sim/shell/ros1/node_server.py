@@ -80,6 +80,7 @@ class NodeServer:
         """Take no more connections: nodes connect anew as soon as they lose a topic."""
         if self._server is not None:
             self._server.close()
+            self._server = None
 
     def stop(self) -> None:
         """End all connections."""
@@ -127,6 +128,9 @@ class NodeServer:
     # Connections
 
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if self._server is None:  # it came just before the end
+            writer.transport.abort()
+            return
         if len(self._connections) >= MAX_CONNECTIONS:
             self._log.tell(f"more than {MAX_CONNECTIONS} connections of nodes: the others are closed")
             oldest = next(iter(self._silent), writer)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
@@ -29,17 +29,15 @@ LONGEST_WAIT: Final = 8.0
 
 @dataclass(eq=False)
 class _Reader:
-    """A topic: addresses of its publishers, and the tasks that follow them, by address."""
+    """A topic, and the tasks that follow its publishers, by address."""
 
     type: Ros1Type
-    publishers: set[str] = field(default_factory=set)
     tasks: dict[str, asyncio.Task[None]] = field(default_factory=dict)
 
-    def close(self) -> None:
-        """End all connections."""
-        self.publishers.clear()
-        for task in self.tasks.values():
-            task.cancel()
+    def keep(self, uris: Collection[str]) -> None:
+        """End the connections to all publishers but some."""
+        for uri in [uri for uri in self.tasks if uri not in uris]:
+            self.tasks.pop(uri).cancel()
 
 
 class TopicReaders:
@@ -66,12 +64,12 @@ class TopicReaders:
 
     def close(self, topic: str) -> None:
         """Unsubscribe."""
-        self._readers.pop(topic).close()
+        self._readers.pop(topic).keep(())
 
     def stop(self) -> None:
         """End all connections."""
         for reader in self._readers.values():
-            reader.close()
+            reader.keep(())
 
     def types(self) -> Iterator[tuple[str, str]]:
         """Yield name there and type of each topic."""
@@ -82,9 +80,9 @@ class TopicReaders:
         return ((self._choices.there(name), uri) for name, one in self._readers.items() for uri in one.tasks)
 
     def num_publishers(self, there: str) -> int | None:
-        """Return the number of a topic's publishers that the master has named; None without a subscription."""
+        """Return the number of a topic's publishers that are followed; None without a subscription."""
         reader = self._readers.get(self._choices.here(there))
-        return None if reader is None else len(reader.publishers)
+        return None if reader is None else len(reader.tasks)
 
     def set_publishers(self, there: str, uris: object, own_uri: str) -> None:
         """Follow the publishers of a topic that the master names, but ourselves."""
@@ -94,26 +92,22 @@ class TopicReaders:
         found = [uri for uri in uris if isinstance(uri, str) and uri != own_uri]
         if len(found) > MAX_PUBLISHERS:
             self._log.tell(f"{topic} has more than {MAX_PUBLISHERS} publishers: the others are not heard")
-        reader.publishers = set(found[:MAX_PUBLISHERS])
-        for uri in sorted(reader.publishers - reader.tasks.keys()):
-            if len(reader.tasks) < 2 * MAX_PUBLISHERS:
-                task = reader.tasks[uri] = asyncio.get_running_loop().create_task(self._follow(topic, reader, uri))
-                task.add_done_callback(partial(_forget, reader, uri))
+        reader.keep(found := found[:MAX_PUBLISHERS])
+        for uri in found:
+            if uri not in reader.tasks:
+                reader.tasks[uri] = asyncio.get_running_loop().create_task(self._follow(topic, reader.type, uri))
 
-    async def _follow(self, topic: str, reader: _Reader, uri: str) -> None:
-        """Take the messages of a publisher until the master names it no more; it is tried again if it is lost."""
+    async def _follow(self, topic: str, own: Ros1Type, uri: str) -> None:
+        """Take the messages of a publisher, which is tried again if it is lost."""
         pause = FIRST_WAIT
-        while uri in reader.publishers:
+        while True:
             try:
-                await self._take_messages(topic, reader.type, uri)
+                await self._take_messages(topic, own, uri)
                 pause = FIRST_WAIT
             except LOST as error:
-                if uri in reader.publishers:
-                    self._log.tell(f"{topic}: a publisher cannot be heard: {error or 'no answer came in time'}")
-                    await asyncio.sleep(pause)
-                    pause = min(2 * pause, LONGEST_WAIT)
-            else:
-                await asyncio.sleep(FIRST_WAIT)
+                self._log.tell(f"{topic}: a publisher cannot be heard: {error or 'no answer came in time'}")
+                pause = min(2 * pause, LONGEST_WAIT)
+            await asyncio.sleep(pause)
 
     async def _take_messages(self, topic: str, own: Ros1Type, uri: str) -> None:
         fields = {"type": own.name, "md5sum": own.md5, "message_definition": self._types.text(own.name)}
@@ -159,7 +153,3 @@ class TopicReaders:
         except BaseException:
             writer.close()
             raise
-
-
-def _forget(reader: _Reader, uri: str, _done: asyncio.Task[None]) -> None:
-    reader.tasks.pop(uri, None)

@@ -166,10 +166,14 @@ class XmlRpcServer:
         """End all connections."""
         if self._server is not None:
             self._server.close()
+            self._server = None
         for writer in list(self._writers):
             writer.transport.abort()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if self._server is None:  # it came just before the end
+            writer.transport.abort()
+            return
         if len(self._writers) >= MAX_CONNECTIONS:
             idle = next(iter(self._writers))
             del self._writers[idle]

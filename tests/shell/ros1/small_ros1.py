@@ -163,8 +163,9 @@ class SmallNode:
     def die(self) -> None:
         """Be gone without a word, as by kill -9."""
         self._api.stop()
-        assert self._server is not None
-        self._server.close()
+        if self._server is not None:
+            self._server.close()
+            self._server = None
         for writer in [*self._streams, *self.subscribers]:
             writer.transport.abort()
 
@@ -186,6 +187,9 @@ class SmallNode:
         return [1, "", ["TCPROS", "127.0.0.1", self.port] if method == "requestTopic" else 1]
 
     async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if self._server is None:  # it has died
+            writer.transport.abort()
+            return
         self._streams.append(writer)
         with suppress(OSError, asyncio.IncompleteReadError):
             header = await take_header(reader)

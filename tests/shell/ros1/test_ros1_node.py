@@ -274,6 +274,9 @@ async def test_parameters_are_those_of_the_master(joined: Joined) -> None:
     await call(joined.uri, "paramUpdate", "/master", "/robot/wheels/", 6)
     await call(joined.uri, "paramUpdate", "/master", "/robot/name/", {})
     assert json.loads((await joined.client.values("/rosapi/get_param", {"name": "/robot"}))["value"]) == {"wheels": 6}
+    assert joined.master.parameters["use_sim_time"] is True, "the server never sets it"
+    await joined.client.values("/rosapi/set_param", {"name": "/use_sim_time", "value": "false"})
+    await until(lambda: joined.master.parameters["use_sim_time"] is False)
     refusal = await joined.client.call("/rosapi/set_param", {"name": "/big", "value": str(2**40)})
     assert "no integer beyond 32 bits" in refusal["values"]
 
@@ -449,7 +452,7 @@ CLOSED = {
     "deny_publish": ("/secret/*",),
     "deny_subscribe": ("/secret/*",),
     "deny_service": ("/secret/*",),
-    "deny_param": ("/robot/name",),
+    "deny_param": ("/robot/name", "/use_sim_time"),
 }
 
 
@@ -476,3 +479,5 @@ async def test_patterns_of_access_hold_for_nodes(joined: Joined) -> None:
         await call(joined.uri, "requestTopic", "/x", "/secret/pose", [["TCPROS"]])
     _, stream = await joined.node.open_service("/rosapi/get_param", persistent="1")
     assert (await ask(stream, text_of("/robot/name") + text_of("")))[0] is False
+    refusal = await joined.client.call("/rosapi/set_param", {"name": "/use_sim_time", "value": "false"})
+    assert (refusal["result"], joined.master.parameters["use_sim_time"]) == (False, True)
