@@ -319,3 +319,19 @@ def test_failure_of_the_mock_ends_it_alone() -> None:
     run.listen("/other")
     run.bus.publish(client, topic, text(run.bus, "on"), run.now)
     assert [value.data for value in run.heard("/other")] == ["on"]
+
+
+def test_expression_over_its_own_last_message_drives_a_robot() -> None:
+    run = MockRun(
+        """
+        subscribers: {/cmd_vel: geometry_msgs/Twist}
+        topics:
+          /x: {type: std_msgs/Float64, rate: 50, value: {data: {$expression: /x.data + 0.02 * /cmd_vel.linear.x}}}
+        """
+    )
+    run.listen("/x")
+    client = Somebody("/client")
+    topic = run.bus.advertise(client, "/cmd_vel", "geometry_msgs/Twist")
+    run.bus.publish(client, topic, Message(topic.type, topic.type.check({"linear": {"x": 3}}, 0)), run.now)
+    run.run(1.99)
+    assert run.heard("/x")[-1].data == pytest.approx(6.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import orjson
@@ -16,6 +18,7 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.yaml_reading import read_yaml
 
+DOCS = Path(__file__).parents[2] / "docs"
 STORE = Store(read_definitions("22.R2"), ros=1)
 STORE_2 = Store(read_definitions("22.R2"), ros=2)
 
@@ -390,3 +393,11 @@ def test_mistake_is_told_in_one_line_with_its_place(text: str, line: str) -> Non
 def test_all_mistakes_are_told_in_the_order_of_the_lines() -> None:
     text = "services:\n  /s: {type: a/B}\ntopics:\n  /x: {type: std_msgs/Int8, value: {dta: 1, data: b}}\n"
     assert [line.partition(": ")[0] for line in mistakes_of(text)] == ["robot.yaml:2", "robot.yaml:4", "robot.yaml:4"]
+
+
+@pytest.mark.parametrize("page", ["guides/mock.md", "reference/mock.md"])
+def test_examples_of_the_documentation_are_good(page: str) -> None:
+    text = (DOCS / page).read_text()
+    (example,) = re.findall(r"```yaml\n(topics:.*?)```", text, re.DOTALL)
+    for store in (STORE, STORE_2):
+        plan_of(example, store)

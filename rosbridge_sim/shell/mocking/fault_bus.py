@@ -109,12 +109,9 @@ class _FaultyWire:
                 self._deliver(topic, message, sender, now)
                 return
             verdict = FaultEffect()
-        if verdict.is_frozen:
-            if self._last is None:
-                return
-            message = self._last
-        else:
+        if not verdict.is_frozen or self._last is None:
             self._last = message
+        message = self._last
         if verdict.change:
             message = self._bus.changed(message, verdict.change)
         for _ in range(verdict.num_copies):
