@@ -61,3 +61,8 @@ class MockRun:
 
     def call(self, service: str, **request: Any) -> None:  # noqa: ANN401
         self.bus.call(self.listener, service, Raw(orjson.dumps(request)), self.listener.answers.append, now=self.now)
+
+    def response(self, index: int = 0) -> Any:  # noqa: ANN401
+        """The response to a call, which succeeded."""
+        values: Any = self.listener.answers[index].values
+        return values.value

@@ -125,13 +125,13 @@ def test_answers_fit_the_request_and_come_after_their_delay() -> None:
     assert len(answers) == 1
     run.call("/enable", data=True)
     run.run(0.1)
-    assert answers[1].values.value.message == "one"
+    assert run.response(1).message == "one"
     run.run(0.2)
-    assert answers[2].values.value.message == "two"
+    assert run.response(2).message == "two"
     run.call("/picky", data=False)
     assert (answers[3].is_ok, answers[3].values) == (False, "no answer of the mock fits this request")
     run.call("/plain")
-    assert answers[4].values.value.success is False
+    assert run.response(4).success is False
 
 
 def test_response_is_computed_from_the_request() -> None:
@@ -139,7 +139,7 @@ def test_response_is_computed_from_the_request() -> None:
         "services: {/add: {type: rospy_tutorials/AddTwoInts, answers: [{value: {sum: {$expression: a + b}}}]}}"
     )
     run.call("/add", a=3, b=4)
-    assert run.listener.answers[0].values.value.sum == 7
+    assert run.response(0).sum == 7
 
 
 FIBONACCI = """
@@ -271,7 +271,7 @@ def test_hook_changes_messages_and_responses_and_a_failing_one_changes_none(capl
         "the hook failed for /wrong, which stays ",
     ]
     run.call("/s", data=True)
-    assert run.listener.answers[0].values.value.message == "for True"
+    assert run.response(0).message == "for True"
 
 
 class Recorded(MockFiles):

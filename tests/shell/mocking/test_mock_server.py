@@ -28,7 +28,7 @@ services:
 
 
 @asynccontextmanager
-async def mock_of(folder: Path, text: str = ROBOT, **options: object) -> AsyncIterator[Simulator]:
+async def mock_of(folder: Path, text: str = ROBOT, /, **options: object) -> AsyncIterator[Simulator]:
     path = folder / "robot.yaml"
     path.write_text(text)
     async with Simulator(check_options({"mock": str(path), "port": 0, "page": False, **options})) as sim:
