@@ -13,6 +13,7 @@ import asyncio
 import atexit
 import ctypes
 import logging
+import sys
 import threading
 import time
 from collections import deque
@@ -168,8 +169,14 @@ class ThreadReader:
 
 
 def _interrupt(thread: threading.Thread) -> None:
-    """Let a thread end at its next Python instruction; a thread that has ended is not an error."""
-    if thread.ident is not None:
+    """Let a thread end at its next Python instruction; a thread that has ended is not an error.
+
+    A thread that imports a library is left to its end: a half imported one is broken for the rest of the process.
+    """
+    frame = sys._current_frames().get(thread.ident or 0)  # noqa: SLF001 - Python's own way to see where a thread is
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    if thread.ident is not None and frame is None:
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(SystemExit))
 
 

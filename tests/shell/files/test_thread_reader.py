@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 import threading
 from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -173,4 +176,24 @@ async def test_stop_interrupts_reads_without_waiting() -> None:
     desk.reader.stop()
     await asyncio.to_thread(thread.join, PATIENCE)
     assert not thread.is_alive()
+    assert desk.got == []
+
+
+async def test_stop_leaves_no_half_imported_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    desk, gate = ReaderFixture(), BlockedWork("")
+    (tmp_path / "slow_library.py").write_text("import sys\nfor i in range(3):\n    sys.slow_gate()\nis_whole = True\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "slow_gate", gate, raising=False)
+
+    def work() -> str:
+        import_module("slow_library")
+        return ""
+
+    desk.read(work)
+    assert await asyncio.to_thread(gate.has_begun.wait, PATIENCE)
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    desk.reader.stop()
+    gate.may_end.set()
+    await asyncio.to_thread(thread.join, PATIENCE)
+    assert sys.modules.pop("slow_library").is_whole
     assert desk.got == []
