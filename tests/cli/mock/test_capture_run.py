@@ -84,6 +84,20 @@ async def test_moving_topics_have_rates_and_patterns(url: str, file: str) -> Non
     assert (again.code, again.complaint) == (2, f"{file}: is there already; choose another name, or delete it")
 
 
+async def test_contract_of_a_simulator_is_kept_by_a_mock_of_it(file: str, tmp_path: Path) -> None:
+    contract, chosen = str(tmp_path / "contract.yaml"), ("-d", "0.5", "-t", "/Ego_topic", "-s", "/SyncModeCmd")
+    async with Simulator(port=0) as simulator:
+        assert (await mock("capture", simulator.url, "-o", file, *chosen)).code == 0
+        words = ("record", simulator.url, contract, *chosen, "--tolerance", "0.9")
+        assert (await asyncio.to_thread(run, "contract", *words)).code == 0
+    async with Simulator(port=0, mock=file) as robot:
+        done = await asyncio.to_thread(run, "contract", "check", robot.url, contract, "-d", "0.5")
+    assert (done.code, done.lines[-1].endswith("all are kept")) == (0, True), done
+    async with Simulator(port=0, mock=file, ros=2) as other:
+        done = await asyncio.to_thread(run, "contract", "check", other.url, contract, "-d", "0.5")
+    assert done.code == 0, done
+
+
 async def test_service_that_is_not_there_is_told_with_the_nearest_one(url: str, file: str) -> None:
     done = await mock("capture", url, "-o", file, "--call", "/sim/descibe")
     assert (done.code, done.complaint) == (1, "--call: no service /sim/descibe here (did you mean /sim/describe?)")
