@@ -344,6 +344,8 @@ class Gateway(Generic[Type]):
                 self._bus.unsubscribe(writer.subscription, now)
                 self._node.close_writer(name)
                 del self._writers[name]
+                if wanted.pop(name, None):
+                    self._mark(now)  # a library may need a moment before it takes another type
         read = {endpoint.topic for endpoint in self._endpoints.values() if not endpoint.is_writer}
         for name, (topic, far_type) in wanted.items():
             if name not in self._writers and not self._open_writer(topic, far_type):
@@ -403,29 +405,33 @@ class Gateway(Generic[Type]):
 
     def _set_readers(self, topics: list[Topic]) -> None:
         """Open and close readers, for the subscriptions on the bus."""
-        wanted: dict[str, Type] = {}
-        for topic in topics:
-            if any(one.owner is not self and not one.is_general for one in topic.all_subscriptions) and (
-                self._may_enter(topic)
-            ):
-                far_type = self._find(topic)
-                if far_type is not None:
-                    wanted[topic.name] = far_type
+        wanted = self._wanted_readers(topics)
         offered = self._offered(wanted)
         for name, reader in list(self._readers.items()):
             if wanted.get(name) is not reader.type or reader.quality != offered[name]:
                 self._node.close_reader(name)
                 del self._readers[name]
-        for name, far_type in wanted.items():
-            if name in self._readers:
-                continue
+                if wanted.get(name, reader.type) is not reader.type:
+                    del wanted[name]
+                    self._mark(self._now)  # see `_set_writers`
+        for name in [name for name in wanted if name not in self._readers]:
             if len(self._readers) >= MAX_TOPICS:
                 self._lines.tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
                 return
             self._num_opened += 1
             if self._num_opened > self._graph.endpoints_per_turn:
                 return
-            self._open_reader(name, far_type, offered[name])
+            self._open_reader(name, wanted[name], offered[name])
+
+    def _wanted_readers(self, topics: list[Topic]) -> dict[str, Type]:
+        """Return the topics that clients subscribe to and nodes may publish on, with their types there."""
+        found = {
+            topic.name: self._find(topic)
+            for topic in topics
+            if any(one.owner is not self and not one.is_general for one in topic.all_subscriptions)
+            and self._may_enter(topic)
+        }
+        return {name: far_type for name, far_type in found.items() if far_type is not None}
 
     def _open_reader(self, name: str, far_type: Type, quality: Quality) -> None:
         try:

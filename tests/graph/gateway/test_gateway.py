@@ -47,6 +47,7 @@ class GraphInMemory:
         self.sent: list[tuple[str, bytes]] = []
         self.has_room = True
         self.why_not = ""
+        self.types_held: dict[str, tuple[str, float]] = {}
         self.now = 0.0
         self.gateway = Gateway(
             ROS2_GRAPH, self.bus, self.types, self, policy or Policy(), topics=topics or Rule(), qualities=qualities
@@ -81,30 +82,35 @@ class GraphInMemory:
 
     # As a `FarNode`
 
-    def open_writer(self, topic: str, _cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
-        self._refuse()
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
+        self._refuse(topic, cdr_type.name)
         assert topic not in self.writers
         self.writers[topic] = quality
         self.sole |= {topic} if is_sole else set()
 
-    def open_reader(self, topic: str, _cdr_type: CdrType, quality: Quality) -> None:
-        self._refuse()
+    def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        self._refuse(topic, cdr_type.name)
         assert topic not in self.readers
         self.readers[topic] = quality
 
     def close_writer(self, topic: str) -> None:
         del self.writers[topic]
+        self.types_held[topic] = self.types_held[topic][0], self.now
 
     def close_reader(self, topic: str) -> None:
         del self.readers[topic]
+        self.types_held[topic] = self.types_held[topic][0], self.now
 
     def write(self, topic: str, raw: bytes) -> bool:
         self.sent.append((topic, raw))
         return self.has_room
 
-    def _refuse(self) -> None:
+    def _refuse(self, topic: str, kind: str) -> None:
         if self.why_not:
             raise GraphError(self.why_not)
+        held, until = self.types_held.get(topic, (kind, self.now))
+        assert held == kind or until < self.now, "as rclpy has it: a topic keeps its type for a moment"
+        self.types_held[topic] = kind, self.now
 
 
 @pytest.fixture
