@@ -14,6 +14,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from tests.cpu_time import run as run_to_end
+from tests.end_to_end.programs import finish, start
 from tests.support import ROOT, ServerProcess, miss, require_tool
 from tests.vector_player import load_vectors
 
@@ -51,6 +52,7 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServerPro
 
 
 def run_node(*command: str | Path, seconds: float) -> str:
+    require_rclpy()
     own = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": str(ROOT)}
     env = os.environ | own
     done = subprocess.run(
@@ -125,6 +127,19 @@ def test_services_pass_in_both_directions(tmp_path: Path) -> None:
     assert told["cbor"] == "over CBOR"
 
 
+def test_clients_of_every_kind_are_beside_one_node(tmp_path: Path) -> None:
+    libraries = ["roslib2", "roslib1"]
+    script = ROOT / "tests" / "end_to_end" / "beside_of_ros2.py"
+    with rclpy_server(tmp_path, "--no-world") as program:
+        clients = {name: start(name, "graph", program.port, "use", name) for name in libraries}
+        told = json.loads(run_node(script, program.url, *libraries, seconds=120))
+        said = told["said"] | {name: finish(client) for name, client in clients.items()}
+    names = [*libraries, "roslibpy", "cbor"]
+    assert told["heard"] == {name: f"{name} \u2713" for name in names}
+    assert told["asked"] == {name: f"{name} was asked" for name in names}
+    assert said == {name: {"text": "robot \u2713", "answer": [f"for {name}", 0.1]} for name in names}
+
+
 @pytest.mark.parametrize("side", ["provider", "caller"])
 def test_checks_of_services_and_actions_hold_across_the_graph(tmp_path: Path, side: str) -> None:
     wanted = [one["id"] for one in load_vectors() if one["id"].startswith(("services/", "actions/"))]
@@ -155,6 +170,51 @@ def test_no_packet_leaves_the_machine_though_it_has_another_interface() -> None:
     told = json.loads(run_in_network(words))
     assert told["localhost"] == [0, 0]
     assert min(told["multicast"]) > 0, "the other choice leaves by it, so packets are counted"
+
+
+def test_messages_of_a_tick_are_in_a_node_before_the_answer() -> None:
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "tick_of_ros2.py", seconds=120))
+    assert told["heard"] == [[num, num] for num in range(1, 201)]
+    assert told["stamps"]["/clock"] == told["stamps"]["/imu"]
+    assert {after - before for before, after in pairwise(told["stamps"]["/imu"])} == {20_000_000}
+
+
+def test_patterns_of_access_hold_for_a_node_in_both_directions(tmp_path: Path) -> None:
+    denied = ("publish=/robot/plan", "subscribe=/web/private", "service=*/secret", "param=/robot:secret")
+    script = ROOT / "tests" / "end_to_end" / "rights_of_ros2.py"
+    with rclpy_server(tmp_path, "--no-world", *(f"--deny-{one}" for one in denied)) as program:
+        told = json.loads(run_node(script, program.url, seconds=120))
+    assert told["node heard"] == ["/web/public"]
+    assert told["client heard"] == ["/robot/state"]
+    assert told["node sees"] == told["node sees topics"] == [0, 1]
+    assert [one if isinstance(one, str) else one["success"] for one in told["client calls"]] == [
+        "Not allowed to call /robot/secret",
+        True,
+    ]
+    assert told["parameters"][1]["value"] == "1"
+    assert "/robot:secret" in told["by its service"]
+    assert "/robot:secret" in str(told["parameters"][0])
+
+
+def test_hostile_node_keeps_no_client_waiting(tmp_path: Path) -> None:
+    script = ROOT / "tests" / "end_to_end" / "hostile_of_ros2.py"
+    with rclpy_server(tmp_path, "--no-world") as program:
+        told = json.loads(run_node(script, program.url, seconds=300))
+    assert told["types"] == ["int"], "a subscription gets messages of its type alone"
+    assert told["late"] == ["Timeout exceeded while waiting for service response"] * 3
+    assert told["after late"], "it gets its own answer"
+    assert told["names"] == [True, True], "of the node that answers, and not of the one that has 200,000"
+    assert not told["unread"]
+    assert told["dead"] == ["Action /dying was unadvertised", False]
+    assert told["many"] > 900
+    assert told["alive"]
+    assert "error" not in (tmp_path / "log").read_text().lower()
+
+
+def test_nodes_that_come_and_go_leave_nothing_behind() -> None:
+    told = json.loads(run_node(ROOT / "scripts" / "soak" / "ros2_nodes.py", "--seconds", "1", seconds=300))
+    assert told["nodes"] == 14
+    assert told["end"] == told["begin"], "descriptors, threads, tasks, and what the bus knows"
 
 
 def run_in_network(words: list[str]) -> str:
