@@ -15,7 +15,15 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.maps.opendrive.plan_view import SHORT, evaluate, place_on
-from rosbridge_sim.maps.opendrive.road_elements import ROADWAY, LaneSection, Road, RoadMark, error_of
+from rosbridge_sim.maps.opendrive.road_elements import (
+    MAX_COORDINATE,
+    MAX_LENGTH,
+    ROADWAY,
+    LaneSection,
+    Road,
+    RoadMark,
+    error_of,
+)
 from rosbridge_sim.maps.road_map import Border
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
@@ -179,6 +187,9 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
         number: of the section.
         layout: its layout.
         cuts: places along the road at which pieces end [m]; all are stations.
+
+    Raises:
+        DocumentError: a lane is too long or too far away.
     """
     section = road.sections[number]
     ends = np.array([section.start, *sorted(cuts), section.end])
@@ -189,7 +200,11 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
             continue
         is_forward = (name < 0) != road.is_left_hand
         line, wide = layout.points(layout.middle(name)), layout.widths[name] >= NARROW
-        wide[1:] &= (line[1:, :2] != line[:-1, :2]).any(axis=1)
+        steps = np.hypot(*np.diff(line[:, :2], axis=0).T)
+        if not (np.abs(line) <= MAX_COORDINATE).all() or steps.sum() > 2.0 * MAX_LENGTH:
+            expected = f"lanes within {MAX_COORDINATE:,.0f} m and no longer than {2.0 * MAX_LENGTH:,.0f} m"
+            raise error_of(road, f"{expected}; lane {name} of section {number} is not")
+        wide[1:] &= steps > SHORT
         outer, inner = (layout.points(layout.edges[key]) for key in (name, name - (1 if name > 0 else -1)))
         border = _borders(line, *((outer, inner) if name > 0 else (inner, outer)))
         bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if layout.roll.any() else None

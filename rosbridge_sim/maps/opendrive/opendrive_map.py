@@ -11,6 +11,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
 
+import numpy as np
+
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION, read_projection
 from rosbridge_sim.maps.opendrive.default_signals import plan_signals
@@ -47,6 +49,9 @@ MAX_POINTS: Final = 5_000_000
 
 MAX_LANES: Final = 100_000
 
+MAX_METRES: Final = 1e7
+"""Length of all lanes [m]: a country has as much. Lanes are compared at places a metre apart."""
+
 MAX_KINDS: Final = 20
 """Kinds of unused elements that a note names."""
 
@@ -78,7 +83,7 @@ class _Reading:
         self._controllers: dict[str, list[str]] = {}
         self._pieces: list[LanePiece] = []
         self._borders: list[Border] = []
-        self._num_points = 0
+        self._num_points, self._metres = 0, 0.0
         self._unused: Counter[str] = Counter()
         self._lane_types: Counter[str] = Counter()
         self._narrow: list[str] = []
@@ -175,6 +180,9 @@ class _Reading:
                 raise element.error("", f"a map of at most {MAX_POINTS:,} points; this road is one too many")
             own = list(lay_lanes(road, number, layout, kept))
             self._pieces += own
+            self._metres += sum(float(np.hypot(*np.diff(one.line[:, :2], axis=0).T).sum()) for one in own)
+            if self._metres > MAX_METRES:
+                raise element.error("", f"a map of at most {MAX_METRES / 1e3:,.0f} km of lanes; this road is too much")
             self._borders += paint_marks(road, number, layout)
             self._count_left_out(road, number, own)
             if len(self._pieces) > MAX_LANES:
