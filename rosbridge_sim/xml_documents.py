@@ -2,7 +2,8 @@
 
 OpenDRIVE and OpenSCENARIO files share this module. The children of the root come one by one, as soon as each is
 complete, so that a file of 100 MB is never in memory as a whole. A DOCTYPE is refused: no road or story has one, and
-its entities can make a small file large. Prefixes of names (`odr:road`) are taken off.
+its entities can make a small file large. Prefixes of names (`odr:road`) are taken off. What is within `userData`, which
+is for the program that wrote the file, is not kept.
 """
 
 from __future__ import annotations
@@ -166,6 +167,7 @@ class _Builder:
         self._open: list[Element] = []
         self._done: list[Element] = []
         self._num = 0
+        self._skipped = 0  # depth within elements of other programs
         self._parser = parser = expat.ParserCreate()
         parser.buffer_text = True
         parser.StartElementHandler = self._start
@@ -190,6 +192,9 @@ class _Builder:
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         self._num += 1
+        if self._open and (self._skipped or self._open[-1].tag == "userData"):
+            self._skipped += 1
+            return
         tag = name.rpartition(":")[2] if ":" in name else name
         element = Element(tag, attributes, self._parser.CurrentLineNumber, self._source)
         if not self._open:
@@ -203,6 +208,9 @@ class _Builder:
         self._open.append(element)
 
     def _end(self, _: str) -> None:
+        if self._skipped:
+            self._skipped -= 1
+            return
         element = self._open.pop()
         if len(self._open) > 1:
             self._open[-1].children.append(element)
@@ -210,7 +218,7 @@ class _Builder:
             self._done.append(element)
 
     def _add_text(self, text: str) -> None:
-        if len(self._open) > 1:
+        if len(self._open) > 1 and not self._skipped:
             self._open[-1].text += text
 
     def _refuse_doctype(self, *_: object) -> None:

@@ -113,3 +113,14 @@ def test_wrong_value_is_told_with_element_id_and_line(value: str, read: Callable
     with pytest.raises(DocumentError) as caught:
         read(element(id="7", v=value))
     assert str(caught.value) == told
+
+
+def test_content_of_user_data_is_not_kept_and_the_rest_stays_in_place() -> None:
+    content = b"<a><b><userData><x><userData/>text</x></userData><c/></b><userData/><d/></a>"
+    root = read_whole(content, "f", "a")
+    first = root.children[0]
+    assert [child.tag for child in root.children] == ["b", "userData", "d"]
+    assert [(child.tag, child.children, child.text) for child in first.children] == [
+        ("userData", [], ""),
+        ("c", [], ""),
+    ]

@@ -50,7 +50,7 @@ class Projection(Record):
         return self.is_tm or self.zone > 0
 
 
-class Border(Record, eq=False):
+class Border(Record, eq=False, gc=False):
     """A line that is painted on the road, or a kerb: for drawings.
 
     Attributes:

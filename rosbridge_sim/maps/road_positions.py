@@ -63,7 +63,7 @@ class RoadPlace(Record):
     road_yaw: float
 
 
-class RoadSpan(Record, eq=False):
+class RoadSpan(Record, eq=False, gc=False):
     """A lane of the map as a part of a road.
 
     Attributes:

@@ -41,14 +41,14 @@ NAMES = {
 def copies(path: Path, num: int) -> Iterator[bytes]:
     """Yield the parts of a file with copies of its elements, each a few kilometres farther east."""
     root = ET.parse(path).getroot()  # noqa: S314 - a sample
-    yield b"<OpenDRIVE>" + ET.tostring(root.find("header"))
+    yield b"<OpenDRIVE>" + ET.tostring(root[0])
     ids = [
         (one, key, one.get(key))
         for one in root.iter()
         for key in NAMES.get(one.tag, ())
         if one.get(key) not in {None, "-1"}
     ]
-    shapes = [(one, float(one.get("x"))) for one in root.iter("geometry")]
+    shapes = [(one, float(one.get("x", "0"))) for one in root.iter("geometry")]
     for i in range(num):
         for one, key, name in ids:
             one.set(key, f"{i}-{name}")

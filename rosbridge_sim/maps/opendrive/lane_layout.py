@@ -51,7 +51,7 @@ MAX_TILT: Final = 0.5
 """Greatest superelevation [rad]."""
 
 
-class LanePiece(Record, eq=False):
+class LanePiece(Record, eq=False, gc=False):
     """A lane of the map.
 
     Attributes:

@@ -33,7 +33,7 @@ Local = tuple[FloatArray, FloatArray, FloatArray]
 """u and v [m] and the direction in the shape's own frame [rad], (n,) each."""
 
 
-class PlanShape(Record):
+class PlanShape(Record, gc=False):
     """A piece of a reference line.
 
     Attributes:

@@ -33,6 +33,9 @@ MPH_TO_MPS: Final = 0.44704
 _UNITS: Final = {"m/s": 1.0, "km/h": KMH_TO_MPS, "mph": MPH_TO_MPS}
 _NO_LIMIT: Final = frozenset({"no limit", "undefined", ""})
 
+# Records of this module hold no circles, so Python's collector need not look at them: in a map of 8,000 roads they
+# are a million, and a look at all of them would hold up the event loop for a second.
+
 ROADWAY: Final = frozenset(
     {
         *("driving", "bidirectional", "parking", "entry", "exit", "onRamp", "offRamp", "connectingRamp", "slipLane"),
@@ -42,7 +45,7 @@ ROADWAY: Final = frozenset(
 """Types of lanes that become lanes of the map."""
 
 
-class RoadEnd(Record):
+class RoadEnd(Record, gc=False):
     """The end of a road, or a junction, that a road is joined to.
 
     Attributes:
@@ -56,7 +59,7 @@ class RoadEnd(Record):
     is_start: bool = True
 
 
-class RoadMark(Record):
+class RoadMark(Record, gc=False):
     """The line on the outer edge of a lane, from a place on.
 
     Attributes:
@@ -70,7 +73,7 @@ class RoadMark(Record):
     colour: str
 
 
-class LaneElement(Record, eq=False):
+class LaneElement(Record, eq=False, gc=False):
     """A lane of a section.
 
     Attributes:
@@ -91,7 +94,7 @@ class LaneElement(Record, eq=False):
     speeds: tuple[tuple[float, float], ...] = ()
 
 
-class LaneSection(Record, eq=False):
+class LaneSection(Record, eq=False, gc=False):
     """A part of a road with the same lanes.
 
     Attributes:
@@ -104,7 +107,7 @@ class LaneSection(Record, eq=False):
     lanes: Mapping[int, LaneElement]
 
 
-class Road(Record, eq=False):
+class Road(Record, eq=False, gc=False):
     """A road.
 
     Attributes:
@@ -119,7 +122,7 @@ class Road(Record, eq=False):
         speeds: distances [m] and limits [m/s] of the road; 0 for none.
         sections: at least one.
         element: for errors, without its children.
-        signals, objects: the elements of its signals, references to signals and objects.
+        signals, objects: the elements of its signals, references to signals, stop lines and crosswalks.
     """
 
     id: str
@@ -139,7 +142,7 @@ class Road(Record, eq=False):
     objects: tuple[Element, ...] = ()
 
 
-class Connection(Record):
+class Connection(Record, gc=False):
     """A connection of a junction: the lanes of an incoming road that go on in another one.
 
     Attributes:
@@ -154,7 +157,7 @@ class Connection(Record):
     links: tuple[tuple[int, int], ...]
 
 
-class Junction(Record):
+class Junction(Record, gc=False):
     """A junction.
 
     Attributes:
@@ -237,11 +240,23 @@ def read_road(element: Element) -> Road:
         sections=_read_sections(lanes, length),
         element=Element("road", element.attributes, element.line, element.source),
         signals=tuple(child for part in element.all("signals") for child in part.children),
-        objects=tuple(_within(element, "objects", "object")),
+        objects=tuple(filter(is_needed_object, _within(element, "objects", "object"))),
     )
     if not road.shapes:
         raise element.error("", "a <geometry> in <planView>; there is none")
     return road
+
+
+def is_stop_line(element: Element) -> bool:
+    """Return whether an object is a stop line."""
+    name = "".join(filter(str.isalpha, element.word("name", ""))).lower()
+    is_mark = element.word("type", "").lower() == "roadmark"
+    return name == "stopline" or (is_mark and element.word("subtype", "").lower() in {"signallines", "stopline"})
+
+
+def is_needed_object(element: Element) -> bool:
+    """Return whether an object is a stop line or a crosswalk."""
+    return element.word("type", "").lower() == "crosswalk" or is_stop_line(element)
 
 
 def read_junction(element: Element) -> Junction:

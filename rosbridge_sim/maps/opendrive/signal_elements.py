@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece, frame_at
-from rosbridge_sim.maps.opendrive.road_elements import MAX_LANE_ID, Road
+from rosbridge_sim.maps.opendrive.road_elements import MAX_LANE_ID, Road, is_stop_line
 from rosbridge_sim.maps.road_map import Crosswalk, Sign
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -84,9 +84,7 @@ def find_stops(road: Road) -> list[StopPlace]:
         if one.tag == "signal" and one.word("type", "") in STOP_SIGNS and one.word("country", "").lower() in _COUNTRIES
     ]
     for one in road.objects:
-        name = "".join(filter(str.isalpha, one.word("name", ""))).lower()
-        is_mark = one.word("type", "").lower() == "roadmark"
-        if name == "stopline" or (is_mark and one.word("subtype", "").lower() in {"signallines", "stopline"}):
+        if is_stop_line(one):
             length = max(one.number("length", _DEFAULT_LENGTH), one.number("width", 0.0))
             found.append(StopPlace(one.number("s"), aside=(one.number("t"), 0.5 * length - LANE_HALF)))
     return found
