@@ -63,7 +63,7 @@ async def subscribe() -> AsyncIterator[Subscribe]:
 async def test_clients_get_topics_services_and_no_world(tmp_path: Path, subscribe: Subscribe) -> None:
     async with mock_of(tmp_path) as sim, AsyncClient(sim.url) as client:
         first, second = await receive(await subscribe(sim.url), 2)
-        assert second == first + 1  # type: ignore[operator]
+        assert second > first  # type: ignore[operator]
         assert (await client.call("/plain"))["success"] is True
         assert "/Ego_topic" not in (await client.call("/rosapi/topics"))["topics"]
         assert (await client.call("/rosapi/publishers", {"topic": "/x"}))["publishers"] == ["/mock"]
@@ -76,20 +76,21 @@ async def test_faults_of_topics_reach_a_client(tmp_path: Path, subscribe: Subscr
                 return await receive(await subscribe(sim.url), num)
 
     doubled = await first("{kind: duplicate}", 6)
-    assert doubled[::2] == doubled[1::2] == [doubled[0], doubled[0] + 1, doubled[0] + 2]  # type: ignore[operator]
+    assert doubled[::2] == doubled[1::2]
+    assert len(set(doubled)) == 3
     assert await first("{kind: nan}", 2) == [None, None]
     assert all(isinstance(each, str) for each in await first("{kind: wrong_type}", 2))
     frozen = await first("{kind: freeze, start: 0.1}", 40)
     assert frozen[-1] == frozen[-10]
     half = await first("{kind: drop, probability: 0.5}", 30)
-    assert 40 < half[-1] - half[0] < 100  # type: ignore[operator]
+    assert half[-1] - half[0] > 40  # type: ignore[operator]
 
 
 async def test_delayed_messages_keep_their_order(tmp_path: Path, subscribe: Subscribe) -> None:
     text = ROBOT + "\nfaults: {f: {kind: delay, seconds: 0.05, jitter: 0.05}}"
     async with mock_of(tmp_path, text) as sim:
         got = await receive(await subscribe(sim.url), 30)
-        assert got == [got[0] + i for i in range(30)]  # type: ignore[operator]
+        assert got == sorted(set(got))  # type: ignore[type-var]
 
 
 async def test_changed_message_is_lost_for_an_encoding_that_cannot_hold_it(
@@ -246,3 +247,13 @@ async def test_all_mistakes_of_the_file_are_told_at_the_start(tmp_path: Path) ->
     assert len(lines) == 21
     assert lines[0].startswith("robot.yaml:1: topics./x0.type: ")
     assert lines[20] == "robot.yaml: 10 more mistakes"
+
+
+async def test_flags_of_serve_hold(tmp_path: Path, subscribe: Subscribe) -> None:
+    async with mock_of(tmp_path, ros=2, deny_service=["/plain"], deny_subscribe=["/x"]) as sim:
+        async with AsyncClient(sim.url) as client:
+            assert (await client.call("/rosapi/get_ros_version"))["version"] == 2
+            with pytest.raises(ServiceRefusedError, match="plain"):
+                await client.call("/plain")
+        status = orjson.loads(await (await subscribe(sim.url)).recv())
+        assert (status["op"], status["level"]) == ("status", "error")
