@@ -74,7 +74,7 @@ if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and reco
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
     from rosbridge_sim.shell.mocking.mock_server import MockServer
-    from rosbridge_sim.shell.ros1.ros1_joining import JoinedRos1
+    from rosbridge_sim.shell.ros1.ros1_node import Ros1Node
     from rosbridge_sim.shell.ros2.joining import JoinedRos2
 
 __all__ = ["AddressError", "Simulator"]
@@ -142,7 +142,7 @@ class Simulator:
         self._thread: LoopThread | None = None
         self._is_stopped = False
         self._wrong_release: asyncio.Future[None] | None = None
-        self._ros1: JoinedRos1 | None = None
+        self._ros1: Ros1Node | None = None
         self._ros2: JoinedRos2 | None = None
         self.mock: MockServer | None = None
 

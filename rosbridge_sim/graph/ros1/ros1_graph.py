@@ -31,10 +31,6 @@ def type_of(name: str) -> str | None:
     return name if _TYPE.fullmatch(name) else None
 
 
-def _same(name: str) -> str:
-    return name
-
-
 ROS1_GRAPH: Final = FarGraph(
     title="ROS 1",
     name="/ros1",
@@ -43,7 +39,7 @@ ROS1_GRAPH: Final = FarGraph(
     own_folders=(),
     is_name=is_name,
     type_of=type_of,
-    spell_type=_same,
+    spell_type=str,
     one_too_many=ONE_TOO_MANY,
     endpoints_per_turn=20,  # a type that is new is compiled in 2 ms
     keeps_latched=False,

@@ -46,15 +46,27 @@ class NodeServer:
 
     Attributes:
         port: where it listens.
-        gateway: moves the messages; set before `start`.
-        services: moves the calls; set before `start`.
     """
 
-    gateway: Gateway[Ros1Type]
-    services: NodeServices[Ros1Service]
+    def __init__(
+        self,
+        choices: Ros1Choices,
+        types: Ros1Types,
+        log: OnceLog,
+        others: OtherNodes,
+        *,
+        gateway: Gateway[Ros1Type],
+        services: NodeServices[Ros1Service],
+    ) -> None:
+        """Listen nowhere yet.
 
-    def __init__(self, choices: Ros1Choices, types: Ros1Types, log: OnceLog, others: OtherNodes) -> None:
-        """Listen nowhere yet."""
+        Args:
+            others: hear of callers.
+            gateway: hears of subscribers.
+            services: get the calls.
+        """
+        self._gateway = gateway
+        self._services = services
         self.port = 0
         self._choices = choices
         self._types = types
@@ -182,22 +194,22 @@ class NodeServer:
         known.links.add(link)
         try:
             endpoint = Endpoint(key, topic, known.type.name, False, Quality(), node)  # noqa: FBT003 - a field
-            self.gateway.note_endpoints([endpoint], [], self._loop.time())
-            for raw in self.gateway.latched(topic):
+            self._gateway.note_endpoints([endpoint], [], self._loop.time())
+            for raw in self._gateway.latched(topic):
                 link.send(with_length(raw))
             while await reader.read(CHUNK):
                 pass  # a subscriber has nothing to say
         finally:
             known.links.discard(link)
             link.close()
-            self.gateway.note_endpoints([], [key], self._loop.time())
+            self._gateway.note_endpoints([], [key], self._loop.time())
 
     async def _serve_service(
         self, header: dict[str, str], node: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
     ) -> None:
         there = header["service"]
         name = self._choices.here(there)
-        service = self.services.find(name)
+        service = self._services.find(name)
         md5 = header.get("md5sum", "*")
         if md5 not in {"*", service.md5}:
             raise GraphError(f"{name}: {node} has another definition of {service.name}: md5 sum {md5[:40]}")
@@ -211,8 +223,7 @@ class NodeServer:
         await serve_calls(
             reader,
             writer,
-            lambda request, on_reply: self.services.call(node, name, request, on_reply, self._loop.time()),
+            lambda request, on_reply: self._services.call(node, name, request, on_reply, self._loop.time()),
+            self._choices,
             is_persistent=header.get("persistent") == "1",
-            max_size=self._choices.max_message_size,
-            room=self._choices.room,
         )

@@ -45,20 +45,30 @@ _log = logging.getLogger("rosbridge_sim.ros1")
 
 
 class OtherNodes:
-    """The other nodes.
+    """The other nodes."""
 
-    Attributes:
-        gateway: hears of their publishers; set before the first look.
-        services: hears of their services; set before the first look.
-        far_services: calls their services; set before the first look.
-    """
+    def __init__(
+        self,
+        choices: Ros1Choices,
+        types: Ros1Types,
+        log: OnceLog,
+        readers: TopicReaders,
+        *,
+        gateway: Gateway[Ros1Type],
+        services: NodeServices[Ros1Service],
+        far_services: FarServices,
+    ) -> None:
+        """Know no node yet.
 
-    gateway: Gateway[Ros1Type]
-    services: NodeServices[Ros1Service]
-    far_services: FarServices
-
-    def __init__(self, choices: Ros1Choices, types: Ros1Types, log: OnceLog, readers: TopicReaders) -> None:
-        """Know no node yet."""
+        Args:
+            readers: learn types from publishers.
+            gateway: hears of publishers.
+            services: hears of services.
+            far_services: calls services.
+        """
+        self._gateway = gateway
+        self._services = services
+        self._far_services = far_services
         self._choices = choices
         self._types = types
         self._log = log
@@ -101,7 +111,7 @@ class OtherNodes:
         del self._asked[key]
         if not task.cancelled() and (error := task.exception()) is not None:
             assert isinstance(error, Exception)
-            self.gateway.fail(error)
+            self._gateway.fail(error)
 
     # Publishers
 
@@ -127,7 +137,7 @@ class OtherNodes:
         gone = [key for key in self._told if key not in passing]
         self._told = passing
         if come or gone:
-            self.gateway.note_endpoints(come, gone, self._loop.time())
+            self._gateway.note_endpoints(come, gone, self._loop.time())
 
     async def _learn(self, one: Endpoint) -> None:
         try:
@@ -143,7 +153,7 @@ class OtherNodes:
         found = dict.fromkeys(view.others("Service", self._choices.name))
         for one in [one for one in self._types_of if one not in found]:
             del self._types_of[one]
-            self.far_services.forget(self._choices.here(one[0]))
+            self._far_services.forget(self._choices.here(one[0]))
         for one in found:
             if (
                 one not in self._types_of
@@ -155,13 +165,13 @@ class OtherNodes:
 
     def _tell_services(self) -> None:
         self._tell_later = None
-        self.services.set_foreign([one for one in self._types_of.values() if one is not None])
+        self._services.set_foreign([one for one in self._types_of.values() if one is not None])
 
     async def _meet_service(self, one: tuple[str, str]) -> None:
         """Offer on the bus a service of another node, whose type its header names."""
         there, node = one
         try:
-            header = await probe(await self._choices.ask("lookupService", there), there, self._choices.name)
+            header = await probe(self._choices, there)
         except LOST as error:
             text = f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}"
             self._log.tell(text, logging.INFO)
@@ -175,7 +185,7 @@ class OtherNodes:
 
     async def meet_caller(self, node: str) -> None:
         """Note a node that calls a service here. One that the master knows can be seen to go."""
-        caller = self.services.meet(node, self._loop.time())
+        caller = self._services.meet(node, self._loop.time())
         if not caller.was_seen:
             try:
                 await self._choices.ask("lookupNode", node)
@@ -185,7 +195,7 @@ class OtherNodes:
 
     def _look_at_callers(self, view: MasterView) -> None:
         """Ask nodes that have called services here whether they live, first those that the master knows no more."""
-        names, callers = view.names(), self.services.callers
+        names, callers = view.names(), self._services.callers
         self._missed = {name: num for name, num in self._missed.items() if name in callers}
         for name, caller in callers.items():
             caller.was_seen = caller.was_seen or name in names
@@ -216,4 +226,4 @@ class OtherNodes:
     def _forget_caller(self, node: str) -> None:
         self._missed.pop(node, None)
         _log.info("node %s has gone", node)
-        self.services.forget_caller(node, self._loop.time())
+        self._services.forget_caller(node, self._loop.time())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import ipaddress
 import logging
 import os
@@ -14,12 +13,8 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
-from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
-from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import Room
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.morai.releases import LENIENCY
@@ -30,7 +25,6 @@ from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.shell.files.definitions import MAX_DEFINITION_SIZE, Texts
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.ros1_node import Ros1Node
-from rosbridge_sim.shell.ros1.service_links import FarServices
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, addresses, call
 
 _log = logging.getLogger("rosbridge_sim.ros1")
@@ -43,34 +37,9 @@ MASTER_VARIABLE: Final = "ROS_MASTER_URI"
 _TYPE_NAME: Final = re.compile(r"\w+/\w+", re.ASCII)
 
 
-class JoinedRos1:
-    """A server as a node of ROS 1."""
-
-    def __init__(self, gateway: Gateway[Ros1Type], node: Ros1Node) -> None:
-        self._gateway = gateway
-        self._node = node
-
-    async def start(self) -> None:
-        """Register everything that is wanted now: while the world waits for its first frame.
-
-        Raises:
-            DocumentError: the host cannot be used.
-        """
-        while self._gateway.next_due(0.0) is not None:
-            self._gateway.advance(asyncio.get_running_loop().time() + PERIOD)
-        await self._node.start()
-
-    async def stop(self) -> None:
-        """Leave the graph, within two seconds. A second call does nothing."""
-        now = asyncio.get_running_loop().time()
-        self._gateway.leave(now)
-        self._node.services.leave(now)
-        await self._node.stop()
-
-
 async def join_ros1(
     settings: Settings, bus: Bus, policy: Policy, texts: Texts, scheduler: Scheduler, *, stamps: Stamps | None
-) -> JoinedRos1:
+) -> Ros1Node:
     """Return the node of the settings, which `start` registers.
 
     Args:
@@ -82,21 +51,14 @@ async def join_ros1(
     Raises:
         DocumentError: master, host or name cannot be used.
     """
-    loop = asyncio.get_running_loop()
     choices = await choose(settings, os.environ)
     store = bus.store if bus.store.ros == 1 else Store(texts, leniency=LENIENCY, ros=1)
     types = Ros1Types(bus.store, store, lambda name: find_service_text(name, os.environ))
-    services = NodeServices(ROS1_GRAPH, bus, types, policy, far := FarServices(bus, choices))
-    node = Ros1Node(choices, types, MasterParameters(bus.parameters), services, far)
-    if stamps is not None:
-        node.on_clock = lambda is_simulated: stamps.settle(loop.time(), is_simulated=is_simulated)
-
-    gateway = Gateway(ROS1_GRAPH, bus, types, node, policy, topics=Rule(settings.ros1_topics))
-    gateway.on_change = scheduler.look
-    scheduler.add(gateway)
-    node.serve(gateway)
+    node = Ros1Node(choices, bus, types, policy, topics=Rule(settings.ros1_topics), stamps=stamps)
+    node.gateway.on_change = scheduler.look
+    scheduler.add(node.gateway)
     _log.info("node %s of ROS 1 at the master %s", choices.name, choices.master)
-    return JoinedRos1(gateway, node)
+    return node
 
 
 async def choose(settings: Settings, environment: Mapping[str, str]) -> Ros1Choices:

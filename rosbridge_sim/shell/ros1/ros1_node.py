@@ -15,13 +15,18 @@ from contextlib import suppress
 from typing import Any, Final
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.gateway.gateway import PERIOD as GATEWAY_PERIOD
 from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import OnceLog
+from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros1.master_parameters import MasterParameters
 from rosbridge_sim.graph.ros1.master_view import MasterView, Registration, read_view
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
+from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.shell.ros1.node_server import NodeServer
 from rosbridge_sim.shell.ros1.other_nodes import OtherNodes
 from rosbridge_sim.shell.ros1.registrations import Registrations
@@ -47,30 +52,33 @@ class Ros1Node:
     """Our node; see `FarNode`.
 
     Attributes:
-        on_clock: called once with whether nodes use simulated time (`/use_sim_time`).
+        gateway: moves messages.
+        services: moves calls.
     """
 
-    gateway: Gateway[Ros1Type]
-
     def __init__(
-        self,
-        choices: Ros1Choices,
-        types: Ros1Types,
-        parameters: MasterParameters,
-        services: NodeServices[Ros1Service],
-        far_services: FarServices,
+        self, choices: Ros1Choices, bus: Bus, types: Ros1Types, policy: Policy, *, topics: Rule, stamps: Stamps | None
     ) -> None:
-        """Be on no graph yet."""
-        self.on_clock: Callable[[bool], None] | None = None
-        self.services = services
+        """Be on no graph yet.
+
+        Args:
+            policy: rights of all clients.
+            topics: topics that pass, in both directions.
+            stamps: get the clock of the nodes; None without a world.
+        """
         self._choices = choices
-        self._parameters = parameters
-        self._far_services = far_services
+        self._stamps = stamps
         self._loop = asyncio.get_running_loop()
         self._log = log = OnceLog(_log.name)
-        self._readers = TopicReaders(choices, types, log, self._receive)
-        self._others = OtherNodes(choices, types, log, self._readers)
-        self._server = NodeServer(choices, types, log, self._others)
+        self._far_services = far = FarServices(bus, choices)
+        self.services = services = NodeServices(ROS1_GRAPH, bus, types, policy, far)
+        self.gateway: Gateway[Ros1Type] = Gateway(ROS1_GRAPH, bus, types, self, policy, topics=topics)
+        self._readers = readers = TopicReaders(choices, types, log, self._receive)
+        self._others = OtherNodes(
+            choices, types, log, readers, gateway=self.gateway, services=services, far_services=far
+        )
+        self._server = NodeServer(choices, types, log, self._others, gateway=self.gateway, services=services)
+        self._parameters = parameters = MasterParameters(bus.parameters)
         self._registrations = Registrations(choices, parameters, log)
         self._registrations.on_publishers = lambda there, uris: self._readers.set_publishers(there, uris, self._uri)
         self._api = XmlRpcServer(self._answer)
@@ -86,18 +94,14 @@ class Ros1Node:
         """Address of the node's own server."""
         return f"http://{self._choices.shown_host}:{self._api.port}/"
 
-    def serve(self, gateway: Gateway[Ros1Type]) -> None:
-        """Take the gateway, before `start`."""
-        self.gateway = self._server.gateway = self._others.gateway = gateway
-        self._server.services = self._others.services = self.services
-        self._others.far_services = self._far_services
-
     async def start(self) -> None:
-        """Listen, and register what is wanted; without a master later.
+        """Listen, and register what is wanted now, while the world waits for its first frame; without a master later.
 
         Raises:
             OSError: the host cannot be used.
         """
+        while self.gateway.next_due(0.0) is not None:
+            self.gateway.advance(self._loop.time() + GATEWAY_PERIOD)
         await self._api.start(self._choices.host)
         await self._server.start()
         self._registrations.uri = self._uri
@@ -108,6 +112,8 @@ class Ros1Node:
 
     async def stop(self) -> None:
         """Leave the graph, within two seconds. A second call does nothing."""
+        self.gateway.leave(self._loop.time())
+        self.services.leave(self._loop.time())
         tasks, self._tasks = self._tasks - {asyncio.current_task()}, set()
         self._is_ending = self._registrations.is_ending = True
         self._is_changed.set()
@@ -223,9 +229,9 @@ class Ros1Node:
             _log.warning("the master has forgotten this node, perhaps in a restart: everything is registered anew")
             self._registrations.has_parameters = False
         tree = await self._registrations.take_parameters()
-        if self.on_clock is not None and isinstance(tree, dict):
-            self.on_clock(tree.get("use_sim_time") is True)
-            self.on_clock = None
+        if self._stamps is not None and isinstance(tree, dict):
+            self._stamps.settle(self._loop.time(), is_simulated=tree.get("use_sim_time") is True)
+            self._stamps = None
         self._ask_for_publishers(view)
         await self._registrations.update(self._wanted(one for one, nodes in view.nodes.items() if nodes != [own]))
         for one in mine - known.keys():

@@ -11,11 +11,11 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import OnReply
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
-from rosbridge_sim.graph.ros1.tcpros import Room, with_length
+from rosbridge_sim.graph.ros1.tcpros import with_length
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
-from rosbridge_sim.shell.ros1.topic_links import LOST, exchange_headers, read_body
-from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, connect
+from rosbridge_sim.shell.ros1.topic_links import LOST, open_stream, read_body
+from rosbridge_sim.shell.ros1.xmlrpc_http import address_of
 
 MAX_IDLE: Final = 4
 """Connections to one service that are kept for later calls."""
@@ -31,18 +31,15 @@ async def serve_calls(
     reader: asyncio.StreamReader,
     writer: asyncio.StreamWriter,
     call: Callable[[bytes, OnReply], None],
+    choices: Ros1Choices,
     *,
     is_persistent: bool,
-    max_size: int,
-    room: Room,
 ) -> None:
     """Answer the calls of a node on one connection, one after the other.
 
     Args:
         call: calls the service.
         is_persistent: more than one call may come.
-        max_size: longest request [bytes].
-        room: see `read_body`.
 
     Raises:
         OSError, asyncio.IncompleteReadError: the connection has ended.
@@ -50,7 +47,7 @@ async def serve_calls(
     loop = asyncio.get_running_loop()
     while True:
         try:
-            request = await read_body(reader, max_size, room)
+            request = await read_body(reader, choices.max_message_size, choices.room)
         except GraphError as error:
             reply, is_persistent = (False, str(error).encode()), False
         else:
@@ -142,29 +139,21 @@ class FarServices:
         there = self._choices.there(name)
         fields = {"callerid": self._choices.name, "service": there, "md5sum": service.md5, "type": service.name}
         host, port = address_of(str(await self._choices.ask("lookupService", there)), "rosrpc")
-        reader, writer = await connect(host, port)
-        try:
-            await exchange_headers(reader, writer, {**fields, "persistent": "1", "tcp_nodelay": "1"})
-        except BaseException:
-            writer.close()
-            raise
+        reader, writer, _ = await open_stream(host, port, {**fields, "persistent": "1", "tcp_nodelay": "1"})
         return reader, writer
 
 
-async def probe(uri: str, name: str, node: str) -> dict[str, str]:
+async def probe(choices: Ros1Choices, there: str) -> dict[str, str]:
     """Return the header of a service, which names its type.
 
     Args:
-        uri: `rosrpc://HOST:PORT`.
+        there: its name on the graph.
 
     Raises:
         GraphError, OSError, asyncio.IncompleteReadError: it cannot be asked.
     """
-    host, port = address_of(uri, "rosrpc")
-    async with asyncio.timeout(ANSWER_TIMEOUT):
-        reader, writer = await connect(host, port)
-        try:
-            fields = {"callerid": node, "service": name, "md5sum": "*", "probe": "1"}
-            return await exchange_headers(reader, writer, fields)
-        finally:
-            writer.close()
+    host, port = address_of(str(await choices.ask("lookupService", there)), "rosrpc")
+    fields = {"callerid": choices.name, "service": there, "md5sum": "*", "probe": "1"}
+    _, writer, header = await open_stream(host, port, fields)
+    writer.close()
+    return header

@@ -10,9 +10,10 @@ from typing import Final
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type
 from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, Room, read_header, write_header
+from rosbridge_sim.shell.ros1.xmlrpc_http import connect
 
 HEADER_TIMEOUT: Final = 5.0
-"""Longest wait for the header of a connection [s]."""
+"""Longest wait for a connection, and for its header [s]."""
 
 REST_TIMEOUT: Final = 30.0
 """Longest wait for the next part of a message or a request that has begun [s]: it holds memory."""
@@ -37,20 +38,30 @@ LOST: Final = (OSError, asyncio.IncompleteReadError, UnicodeError, GraphError)
 """Errors of a connection that cannot be made, has ended, or whose other side speaks something else."""
 
 
-async def exchange_headers(
-    reader: asyncio.StreamReader, writer: asyncio.StreamWriter, fields: Mapping[str, str]
-) -> dict[str, str]:
-    """Send our header and return that of the other side.
+async def open_stream(
+    host: str, port: int, fields: Mapping[str, str]
+) -> tuple[asyncio.StreamReader, asyncio.StreamWriter, dict[str, str]]:
+    """Connect to a node, and return its header, too.
+
+    Args:
+        fields: our header.
 
     Raises:
-        GraphError: the other side refuses, or sends none.
-        OSError, asyncio.IncompleteReadError: the connection has ended.
+        GraphError: the other side refuses, or sends no header.
+        OSError, asyncio.IncompleteReadError, UnicodeError: it cannot be reached, or does not answer in time.
     """
-    writer.write(write_header(fields))
-    found = await take_header(reader)
+    async with asyncio.timeout(HEADER_TIMEOUT):
+        reader, writer = await connect(host, port)
+    try:
+        writer.write(write_header(fields))
+        found = await take_header(reader)
+    except BaseException:
+        writer.close()
+        raise
     if "error" in found:
+        writer.close()
         raise GraphError(f"refused: {found['error'][:300]}")
-    return found
+    return reader, writer, found
 
 
 async def take_header(reader: asyncio.StreamReader) -> dict[str, str]:

@@ -13,8 +13,8 @@ from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import MessageCutter
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
-from rosbridge_sim.shell.ros1.topic_links import LOST, exchange_headers, misfit, receive
-from rosbridge_sim.shell.ros1.xmlrpc_http import call, connect
+from rosbridge_sim.shell.ros1.topic_links import LOST, misfit, open_stream, receive
+from rosbridge_sim.shell.ros1.xmlrpc_http import call
 
 MAX_PUBLISHERS: Final = 100
 """Most publishers of one topic that are followed."""
@@ -140,16 +140,10 @@ class TopicReaders:
     ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter, dict[str, str]]:
         """Connect to a publisher of a topic, and return its header, too; errors as for `learn`."""
         there = self._choices.there(topic)
-        async with self._connecting, asyncio.timeout(LONGEST_WAIT):
+        async with self._connecting:
             answer = await call(uri, "requestTopic", self._choices.name, there, [["TCPROS"]])
             match answer:
                 case [_, str(host), int(port)] if 0 < port < 2**16:
-                    reader, writer = await connect(host, port)
-                case _:
-                    raise GraphError(f"expected TCPROS and an address; got {str(answer)[:100]}")
-        try:
-            own = {"callerid": self._choices.name, "topic": there, "tcp_nodelay": "1"}
-            return reader, writer, await exchange_headers(reader, writer, own | fields)
-        except BaseException:
-            writer.close()
-            raise
+                    own = {"callerid": self._choices.name, "topic": there, "tcp_nodelay": "1"}
+                    return await open_stream(host, port, own | fields)
+        raise GraphError(f"expected TCPROS and an address; got {str(answer)[:100]}")
