@@ -191,8 +191,12 @@ class ToldStory:
         return measure(self._looks, condition)
 
     def begin(self, number: int) -> None:
-        """See `Host`."""
-        self._begun.append(number)
+        """See `Host`. Global actions act at once, so that triggers behind them see it; private ones when all are told."""
+        action = self.board.parts[number].item.part()
+        if action.kind == "GlobalAction":
+            self._begin(number, action, [])
+        else:
+            self._begun.append(number)
 
     def is_done(self, number: int) -> bool:
         """See `Host`."""
