@@ -167,9 +167,7 @@ class StoryMap:
             return on.lane, 0.0
         if self.index is not None:
             span = self.index.spans[on.lane]
-            lane = span.lane
-            there = lane + steps if span.is_forward else lane - steps
-            return self.lane_beside(on, there - (there <= 0 < lane) + (lane < 0 <= there))
+            return self.lane_beside(on, _count_lanes(span.lane, steps if span.is_forward else -steps))
         lane = on.lane
         for _ in range(abs(steps)):
             lane = int((self.roads.left if steps > 0 else self.roads.right)[lane])
@@ -321,12 +319,26 @@ def _link(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
 
 def _relative_lane(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
     on = _on_lane(item["entityRef"], entity)
+    index = story_map.index
+    if index is not None and "ds" in item.values:  # along the road, while it is the same one
+        span = index.spans[on.lane]
+        sign = 1 if span.is_forward else -1
+        lane, s = _count_lanes(span.lane, sign * item["dLane"]), index.road_s(on.lane, on.s) + sign * item["ds"]
+        found = index.on_lane(span.road, s, lane, item.get("offset", 0.0))
+        if found is not None:
+            return MapPlace(found.x, found.y, found.z, found.yaw)
     moved, _ = story_map.move(on, item.get("ds", item.get("dsLane", 0.0)), ())
     lane, aside = story_map.beside(moved, item["dLane"])
     there = story_map.at(OnLane(moved.lane, moved.s, aside + item.get("offset", 0.0)))
-    if lane < 0 and story_map.index is not None:  # against this direction
+    if lane < 0 and index is not None:  # against this direction
         return MapPlace(there.x, there.y, there.z, there.yaw + math.pi)
     return there
+
+
+def _count_lanes(lane: int, steps: int) -> int:
+    """Return the id of the lane so many lanes to the left along the road; there is no lane 0."""
+    there = lane + steps
+    return there - (there <= 0 < lane) + (lane < 0 <= there)
 
 
 def _relative_road(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:

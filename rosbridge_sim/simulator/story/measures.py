@@ -80,7 +80,10 @@ class Measures:
 
     def aside(self, name: str, other: str, system: str) -> float:
         """Return how far to the left another entity's reference point is [m]."""
-        return self._relative(self._cast.find(name), self._cast.find(other).place, system)[1]
+        here, there = self._cast.find(name), self._cast.find(other)
+        # Within a frame an action may have shifted the other one already.
+        is_on = system != "entity" and there.lane >= 0
+        return self._relative(here, self._cast.map.at(there.on_lane) if is_on else there.place, system)[1]
 
     def free_along(self, name: str, other: str, system: str) -> float:
         """Return the free way to another entity [m]: negative behind; 0 beside."""

@@ -27,9 +27,12 @@ from rosbridge_sim.world.state.world import MAX_SPEED, Body
 LATERAL_ACCEL: Final = 0.5
 """Greatest lateral acceleration of a change of the offset that gives none [m/s^2]: an unhurried lane change."""
 
-SPRING: Final = 4.0
-DAMPING: Final = 4.0
-"""Spring [1/s^2] and damper [1/s] that keep a distance: critically damped, as in esmini."""
+SPRING: Final = 1.2
+DAMPING: Final = 2.0 * math.sqrt(SPRING)
+"""Spring [1/s^2] and damper [1/s] that keep a distance: critically damped. The spring is that of esmini's logs."""
+
+SPRING_ASIDE: Final = 2.2
+"""The same spring for distances to the side, whose acceleration is limited [1/s^2]."""
 
 NEAR: Final = 0.05
 """A distance is reached within this [m]."""
@@ -229,7 +232,7 @@ def _begin_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runnin
 
 def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> None:
     reference = stage.cast.find(item["entityRef"])
-    error = _gap_error(stage, item, actor, running)
+    error = _gap_error(stage, item, running)
     moved, _ = stage.cast.map.move(actor.on_lane, actor.direction * error, actor.route)
     if actor.lane >= 0:
         stage.cast.put(actor, stage.cast.map.at(moved))
@@ -237,12 +240,13 @@ def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) ->
     actor.speed = reference.speed if item["continuous"] else actor.speed
 
 
-def _gap_error(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> float:
+def _gap_error(stage: Stage, item: StoryItem, running: Running) -> float:
     """Return how far ahead of its place the actor should be [m]."""
     gap = stage.measures.along(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
     sides = {"leadingReferencedEntity": -1.0, "trailingReferencedEntity": 1.0}
     ahead = sides.get(item.get("displacement", "any"), math.copysign(1.0, gap))
-    wanted = item.get("distance", 0.0) + item.get("timeGap", 0.0) * actor.speed
+    reference = stage.cast.find(item["entityRef"])
+    wanted = item.get("distance", 0.0) + item.get("timeGap", 0.0) * reference.speed
     if item["freespace"]:
         wanted += stage.measures.half_lengths(running.entity, item["entityRef"], ahead)
     return float(gap - ahead * wanted)
@@ -254,12 +258,14 @@ def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
         _jump(stage, item, actor, running)
         return False
     reference = stage.cast.find(item["entityRef"])
-    error = _gap_error(stage, item, actor, running)
+    error = _gap_error(stage, item, running)
     accel = SPRING * error + DAMPING * (reference.speed - actor.speed)
     accel = max(-limits.get("maxDeceleration", NO_LIMIT), min(limits.get("maxAcceleration", NO_LIMIT), accel))
     before = running.numbers["accel"]
     up, down = (limits.get(key, NO_LIMIT) * stage.step for key in ("maxAccelerationRate", "maxDecelerationRate"))
-    accel = running.numbers["accel"] = max(before - down, min(before + up, accel))
+    if accel > 0.0:  # brakes may be released at any rate, as in esmini
+        accel = min(before + up, accel)
+    accel = running.numbers["accel"] = max(before - down, accel)
     actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * stage.step)))
     is_there = abs(error) < NEAR and abs(reference.speed - actor.speed) < NEAR
     return is_there and not item["continuous"]
@@ -281,10 +287,13 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     limits = item.find("DynamicConstraints")
     fastest = NO_LIMIT if limits is None else limits.get("maxSpeed", NO_LIMIT)
     most = NO_LIMIT if limits is None else limits.get("maxAcceleration", NO_LIMIT)
-    # The fastest rate from which it can still come to rest at the goal, and reach it within the frame.
-    rate = math.copysign(min(fastest, math.sqrt(2.0 * most * abs(error)), abs(error) / stage.step), error)
-    before = running.numbers["rate"]
-    rate = running.numbers["rate"] = max(before - most * stage.step, min(before + most * stage.step, rate))
+    if most < NO_LIMIT:
+        damping = 2.0 * math.sqrt(SPRING_ASIDE)
+        accel = max(-most, min(most, SPRING_ASIDE * error - damping * running.numbers["rate"]))
+        rate = running.numbers["rate"] + accel * stage.step
+    else:
+        rate = error / stage.step
+    rate = running.numbers["rate"] = max(-fastest, min(fastest, rate))
     actor.offset += actor.direction * rate * stage.step
     return abs(error) < NEAR and not item["continuous"]
 

@@ -191,7 +191,7 @@ class ToldStory:
         return measure(self._looks, condition)
 
     def begin(self, number: int) -> None:
-        """See `Host`. Global actions act at once, so that triggers behind them see it; private ones when all are told."""
+        """See `Host`. Global actions act at once, so that later triggers see it; private ones behind all triggers."""
         action = self.board.parts[number].item.part()
         if action.kind == "GlobalAction":
             self._begin(number, action, [])
