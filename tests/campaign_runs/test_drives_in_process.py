@@ -52,4 +52,4 @@ def test_options_of_a_simulator_have_a_changed_scenario_in_the_folder_of_the_run
     assert written["vehicleList"] == json.loads(LOOP.read_text())["vehicleList"]
     assert simulator_options(loaded, run, tmp_path, is_real_time=True)["start"] == "run"
     plain = LoadedJob(folder.job('scenario = "loop"\nseconds = 0.1\n[drivers]\nours = "lanes"\n'))
-    assert "loop" in simulator_options(plain, plan_runs(plain.campaign)[0], tmp_path / "none")["scenario"]
+    assert "loop" in str(simulator_options(plain, plan_runs(plain.campaign)[0], tmp_path / "none")["scenario"])
