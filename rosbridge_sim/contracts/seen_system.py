@@ -96,7 +96,7 @@ class SeenField:
     def add_number(self, value: float) -> None:
         """Take a number that is no element of a list."""
         self.num += 1
-        if not math.isfinite(value):
+        if not _is_finite(value):
             self.num_not_finite += 1
             return
         if self._last is not None and self._has_step:
@@ -108,7 +108,7 @@ class SeenField:
 
     def add_numbers(self, values: list[float]) -> None:
         """Take the numbers in a list."""
-        finite = [value for value in values if math.isfinite(value)]
+        finite = [value for value in values if _is_finite(value)]
         self.num += len(values)
         self.num_not_finite += len(values) - len(finite)
         self._has_step = False
@@ -133,6 +133,14 @@ class SeenField:
         """Take the length of a list."""
         self.num += 1
         self.shortest, self.longest = min(self.shortest, length), max(self.longest, length)
+
+
+def _is_finite(number: float) -> bool:
+    """Return whether a number is one of a message: no NaN, no infinity, and no integer that no float can hold."""
+    return -_LARGEST < number < _LARGEST
+
+
+_LARGEST: Final = 1e300
 
 
 class SeenTopic:
@@ -194,7 +202,8 @@ class SeenTopic:
             seen.num_objects += 1
             seen.is_time = seen.is_time or value.keys() in _TIMES
             for name, one in value.items() if depth < MAX_DEPTH else ():
-                self._look(f"{path}.{name}" if path else name, one, depth + 1)
+                if name.isidentifier():  # as all fields of ROS
+                    self._look(f"{path}.{name}" if path else name, one, depth + 1)
         elif isinstance(value, list):
             seen.add_length(len(value))
             self._look_within(f"{path}[]", value, depth + 1)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
-from rosbridge_sim.contracts.seen_system import SeenField, SeenTopic, parent_of
+from rosbridge_sim.contracts.seen_system import MAX_DEPTH, SeenField, SeenTopic, parent_of
 from rosbridge_sim.documents import Mistake
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.mock.mock_model import MAX_TOPIC_RATE
@@ -47,12 +47,14 @@ def captured_topic(topic: SeenTopic, type_name: str) -> dict[str, JsonValue]:
     return captured | ({"value": value} if value else {})
 
 
-def without_patterns(value: JsonValue) -> JsonValue:
-    """Return a value of a stranger without what would be a pattern in a mock's file."""
+def without_patterns(value: JsonValue, depth: int = 0) -> JsonValue:
+    """Return a value of a stranger without what would be a pattern in a mock's file, and without what is too deep."""
+    if isinstance(value, (list, dict)) and depth > MAX_DEPTH:
+        return None
     if isinstance(value, list):
-        return [without_patterns(one) for one in value]
+        return [without_patterns(one, depth + 1) for one in value]
     if isinstance(value, dict):
-        return {name: without_patterns(one) for name, one in value.items() if not name.startswith("$")}
+        return {name: without_patterns(one, depth + 1) for name, one in value.items() if not name.startswith("$")}
     return value
 
 

@@ -71,11 +71,10 @@ def test_topic_with_few_messages_has_no_rate() -> None:
     assert record_contract(observed(topic_of(*[{}] * 6)), 0.1).topics["/t"].rate == 10.0
 
 
-SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
-VALUES = st.recursive(
-    SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from("abc"), inner), max_leaves=8
-)
-MESSAGES = st.lists(st.dictionaries(st.sampled_from(["a", "b", "stamp", "frame_id", "seq"]), VALUES), max_size=6)
+NAMES = st.sampled_from(["a", "b", "stamp", "frame_id", "seq", "secs", "nsecs", "", "a.b", "a[]", "$list", "x y\n"])
+SCALARS = st.none() | st.booleans() | st.integers() | st.just(10**400) | st.floats() | st.text(max_size=5)
+VALUES = st.recursive(SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(NAMES, inner), max_leaves=8)
+MESSAGES = st.lists(st.dictionaries(NAMES, VALUES), max_size=6)
 
 
 @given(MESSAGES, st.floats(0.0, 2.0))

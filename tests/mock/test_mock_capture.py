@@ -79,6 +79,13 @@ def test_text_of_a_stranger_becomes_no_pattern() -> None:
     assert value_of({"a": {"$file": "x"}, "b": [{"$expression": "1", "c": 2}]}) == {"a": {}, "b": [{"c": 2}]}
 
 
+def test_deep_message_is_cut() -> None:
+    deep: Any = 1
+    for _ in range(900):
+        deep = {"x": [deep]}
+    assert len(repr(value_of(deep))) < 1_000
+
+
 def transform(child: str, x: float = 0.0, z: float = 0.0, w: float = 1.0) -> dict[str, Any]:
     pose = {"translation": {"x": x, "y": 0.0, "z": 0.0}, "rotation": {"x": 0.0, "y": 0.0, "z": z, "w": w}}
     return {"header": {"frame_id": "map"}, "child_frame_id": child, "transform": pose}

@@ -147,7 +147,7 @@ async def check_contract(
         types = await types_if_told(bridge)
         wanted = contract.topics if types is None else contract.topics.keys() & types.keys()
         kinds = {name: (types or {}).get(name, contract.topics[name].type) for name in sorted(wanted)}
-        there = await services_if_told(bridge, ["*"]) if contract.services else {}
+        there = await services_if_told(bridge, ["*"], typed=contract.services) if contract.services else {}
         seen = await watch_topics(bridge, kinds, seconds) if kinds else {}
     claims = judge_contract(contract, SeenSystem(seen, types, there, seconds))
     num_broken = sum(claim.is_broken for claim in claims)

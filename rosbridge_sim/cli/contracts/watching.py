@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 
 from rosbridge_sim.cli.tools.text import note
@@ -52,13 +52,26 @@ async def types_if_told(bridge: Bridge) -> dict[str, str] | None:
     return None
 
 
-async def services_if_told(bridge: Bridge, patterns: Sequence[str], never: Sequence[str] = ()) -> dict[str, str] | None:
-    """Return service -> type of the services that patterns select, see `chosen`; None if there is no rosapi."""
-    with suppress(BridgeError, RefusedError):
+async def services_if_told(
+    bridge: Bridge, patterns: Sequence[str], never: Sequence[str] = (), typed: Collection[str] | None = None
+) -> dict[str, str] | None:
+    """Return service -> type of the services that patterns select, see `chosen`; None if there is no rosapi.
+
+    Args:
+        typed: services whose types are asked for, others have none; None means all.
+
+    Raises:
+        RefusedError: there are too many.
+    """
+    try:
         names = chosen(map(absolute, words(await bridge.ask("services"), "services")), patterns, never)
-        answers = await bridge.ask_all([("service_type", {"service": name}) for name in names])
-        return {name: answer.word("type") for name, answer in zip(names, answers, strict=True)}
-    return None
+    except (BridgeError, RefusedError):
+        return None
+    asked = [name for name in names if typed is None or name in typed]
+    if len(asked) > MAX_WATCHED:
+        raise RefusedError(f"{len(asked):,} services, expected at most {MAX_WATCHED:,}; --service selects some")
+    answers = await bridge.ask_all([("service_type", {"service": name}) for name in asked])
+    return dict.fromkeys(names, "") | {name: one.word("type") for name, one in zip(asked, answers, strict=True)}
 
 
 Take = Callable[[str, float, Frame], None]

@@ -149,6 +149,18 @@ async def test_server_without_rosapi_is_judged_by_its_messages(file: str) -> Non
     assert (recorded.code, "cannot be recorded without rosapi" in recorded.err) == (1, True)
 
 
+async def test_server_with_thousands_of_services_is_judged_but_not_recorded(file: str) -> None:
+    names = [f"/s{i}" for i in range(2000)]
+    reply = answering(topics={"topics": []}, services={"services": names}, service_type={"type": "a/B"})
+    write(file, "services: {/s7: a/B, /s_7: ''}")
+    async with other_server(reply) as url:
+        checked = await contract("check", url, file, *SHORT)
+        recorded = await contract("record", url, f"{file}.other", *SHORT)
+    assert (checked.code, checked.lines[-1]) == (1, "2 terms: 1 broken")
+    assert "/s_7: type: expected a service, got no such service" in checked.lines
+    assert (recorded.code, recorded.complaint[:14]) == (1, "2,000 services")
+
+
 async def test_server_with_thousands_of_topics_is_refused(file: str) -> None:
     names = [f"/t{i}" for i in range(2000)]
     reply = answering(topics={"topics": names, "types": ["a/B"] * 2000}, services={"services": []})
