@@ -5,7 +5,7 @@
                                    scenario_crossing.jpg, for which it needs the extra `sensors`
 
 `town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours;
-so are the scenes `hills`, `motorway`, `roundabout` and `parking`.
+so are the scenes `hills`, `motorway`, `roundabout` and `parking`. `opendrive_crossing.png` is a file in OpenDRIVE.
 `drive.svg` shows the drive of the Python program in README: 30 km/h in a left bend for five seconds, then the brake.
 Other pictures are drawn by `write_docs.py` from the sources and are compared by a test. These are not compared,
 because a font or a numpy build may change a pixel.
@@ -34,6 +34,7 @@ if __name__ == "__main__":
 from rosbridge_sim import Simulator  # noqa: E402
 from rosbridge_sim.cli.command_table import TOOLS  # noqa: E402
 from scripts.docs_pages.svg import INK, Point, document, text  # noqa: E402
+from scripts.drawing.opendrive_crossing import crossing_file  # noqa: E402
 
 IMAGES: Final = ROOT / "docs" / "images"
 
@@ -76,9 +77,22 @@ def draw_scene(name: str, path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         large = Path(folder) / f"{name}.png"
         TOOLS["scenario"](["check", name, "--picture", str(large)])
-        picture = Image.open(large).convert("RGB")
-        picture.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
-        picture.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(path, optimize=True)
+        _save_small(large, path)
+
+
+def draw_opendrive(path: Path) -> None:
+    """Write the picture of a small OpenDRIVE file as `map info` draws it."""
+    with tempfile.TemporaryDirectory() as folder:
+        file, large = Path(folder) / "crossing.xodr", Path(folder) / "crossing.png"
+        file.write_text(crossing_file())
+        TOOLS["map"](["info", str(file), "--picture", str(large)])
+        _save_small(large, path)
+
+
+def _save_small(large: Path, path: Path) -> None:
+    picture = Image.open(large).convert("RGB")
+    picture.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
+    picture.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(path, optimize=True)
 
 
 async def _drive() -> list[Moment]:
@@ -201,6 +215,7 @@ def main() -> int:
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name in ("town", "hills", "motorway", "roundabout", "parking"):
         draw_scene(name, IMAGES / f"{name}.png")
+    draw_opendrive(IMAGES / "opendrive_crossing.png")
     draw_drive(IMAGES / "drive.svg")
     draw_own_scenario(IMAGES / "scenario_crossing.jpg")
     return 0
