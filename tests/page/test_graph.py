@@ -6,6 +6,7 @@ import base64
 import json
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -469,3 +470,24 @@ async def test_mistake_of_another_client_is_told_once_over_the_map_and_counted_a
     await page.locator(".toast").click()
     await expect(page.locator(".log-lines")).to_contain_text("/early")
     await expect(badge).to_have_count(0)
+
+
+async def test_faults_of_a_mock_are_shown_and_switched_by_a_click(
+    open_page: OpenPage, serve: Serve, tmp_path: Path
+) -> None:
+    file = tmp_path / "robot.yaml"
+    file.write_text("topics: {/x: {type: std_msgs/Bool}}\nfaults: {lost: {kind: drop, topics: [/x], on: false}}")
+    page = await open_graph(open_page, serve("--mock", str(file), "--no-world"))
+    table = page.get_by_role("table", name="Faults of the mock")
+    row = table.get_by_role("row").filter(has_text="lost")
+    await expect(row).to_contain_text("drop")
+    await expect(row).to_contain_text("off")
+    await row.locator(".table-choice").click()
+    await expect(row).to_contain_text("on", timeout=PATIENCE * 1000)
+    assert await faults_of(page) == []
+
+
+async def test_server_without_a_mock_shows_no_faults(open_page: OpenPage, server: ServerProcess) -> None:
+    page = await open_graph(open_page, server)
+    await expect(page.get_by_text("/Ego_topic", exact=True)).to_be_visible()
+    await expect(page.get_by_text("Faults of the mock")).to_be_hidden()

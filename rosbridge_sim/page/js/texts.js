@@ -553,6 +553,18 @@ export const TEXTS = {
       subscribers: "Sub.",
       dropped: "Lost",
     },
+    faults: {
+      title: "Faults of the mock",
+      search: "Search faults",
+      empty: "No fault matches.",
+      name: "Fault",
+      kind: "Kind",
+      now: "Now",
+      count: "Hits",
+      on: "on",
+      off: "off",
+      action: (/** @type {string} */ name, /** @type {boolean} */ isOn) => `Fault ${name} ${isOn ? "on" : "off"}`,
+    },
     topic: {
       label: "Chosen topic",
       bytes: "Traffic",

@@ -544,6 +544,18 @@ export const KOREAN = {
       subscribers: "구독",
       dropped: "유실",
     },
+    faults: {
+      title: "모의 로봇의 고장",
+      search: "고장 검색",
+      empty: "맞는 고장이 없습니다.",
+      name: "고장",
+      kind: "종류",
+      now: "지금",
+      count: "횟수",
+      on: "켜짐",
+      off: "꺼짐",
+      action: (name, isOn) => `고장 ${name} ${isOn ? "켜기" : "끄기"}`,
+    },
     topic: {
       label: "선택한 토픽",
       bytes: "전송량",

@@ -3,6 +3,7 @@
 import { element } from "../../widgets/dom.js";
 import { whileSeen } from "../../widgets/seen.js";
 import { DataTable } from "../../widgets/table.js";
+import { makeFaultsTable } from "./faults.js";
 import { bytesText, rateText } from "./figures.js";
 import { TopicView } from "./topic_view.js";
 
@@ -39,13 +40,23 @@ export function makeTopicsPart(context) {
       { key: "dropped", title: texts.topics.dropped, value: (topic) => Number(topic.dropped), isMinor: true },
     ],
   });
-  const part = element("div", { className: "graph-part" }, table.element, view.element);
+  const faults = makeFaultsTable(context);
+  const part = element("div", { className: "graph-part" }, faults.element, table.element, view.element);
   whileSeen(part, () => {
+    let unwatch = () => {};
+    let isMock = false;
     const taker = connection.subscribe("/sim/topics", "rosbridge_sim_msgs/Topics", (message) => {
       table.show(message.topics);
       view.update(message.topics.find((/** @type {TopicInfo} */ topic) => topic.name === table.chosen) ?? null);
+      if (!isMock && message.topics.some((/** @type {TopicInfo} */ topic) => topic.name === "/mock/faults")) {
+        isMock = true;
+        unwatch = faults.watch();
+      }
     });
-    return () => taker.close();
+    return () => {
+      unwatch();
+      taker.close();
+    };
   });
   return part;
 }
