@@ -70,7 +70,7 @@ class SimulatorOptions(TypedDict, total=False):
     signal_plan: str | Path | None
     scenario_path: Sequence[str | Path] | str | Path
     param: Sequence[str] | str
-    ego_entity: str
+    ego_entity: str | None
     ego: Literal["program", "story"]
     lenient: bool
     catalogue: str | Path | None

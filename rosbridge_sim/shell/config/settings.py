@@ -262,9 +262,9 @@ class Settings:
     param: tuple[str, ...] = _WORLD.flag(
         (), ASSIGNMENTS, "value of a parameter of the scenario, of a file of OpenSCENARIO (*.xosc); repeatable"
     )
-    ego_entity: str = _WORLD.flag(
-        "",
-        text_of("the name of an entity", "NAME", "str"),
+    ego_entity: str | None = _WORLD.flag(
+        None,
+        or_none(text_of("the name of an entity", "NAME", "str"), "none"),
         "entity of a *.xosc that is the ego; without it one named Ego, hero or ego_vehicle, else the first vehicle",
     )
     ego: Literal["program", "story"] = _WORLD.choice(

@@ -355,7 +355,7 @@ def open_library(settings: Settings) -> DiskLibrary:
     """
     stories = StoryOptions(
         read_parameters(settings.param),
-        settings.ego_entity,
+        settings.ego_entity or "",
         is_lenient=settings.lenient,
         drives_ego=settings.ego == "story",
     )
