@@ -23,6 +23,7 @@ from rosbridge_sim.shell.ros1.other_nodes import OtherNodes
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.service_links import serve_calls
 from rosbridge_sim.shell.ros1.topic_links import CHUNK, LOST, SubscriberLink, misfit, take_header
+from rosbridge_sim.shell.ros1.xmlrpc_http import send
 
 MAX_CONNECTIONS: Final = 500
 """Most connections of nodes at once, to topics and services of ours. One more takes the place of the oldest one that
@@ -144,7 +145,7 @@ class NodeServer:
             writer.transport.abort()
             return
         if len(self._connections) >= MAX_CONNECTIONS:
-            self._log.tell(f"more than {MAX_CONNECTIONS} connections of nodes: the others are closed")
+            self._log.tell(f"more than {MAX_CONNECTIONS} connections of nodes: silent ones and new ones are closed")
             oldest = next(iter(self._silent), writer)
             self._silent.pop(oldest, None)
             oldest.transport.abort()
@@ -167,7 +168,7 @@ class NodeServer:
             is_late = error.reason is Reason.UNKNOWN_TOPIC
             self._log.tell(text, logging.INFO if is_late else logging.WARNING, _VALUES.sub("", text))
             with suppress(OSError):
-                writer.write(write_header({"error": str(error)}))
+                send(writer, write_header({"error": str(error)}))
         except LOST:
             pass  # it has gone, or is silent
         finally:
@@ -187,7 +188,7 @@ class NodeServer:
         if any(header.get(name, "*") not in {"*", value} for name, value in own.items()):
             raise GraphError(f"{topic}: {misfit(known.type, header, node)}")
         rest = {"callerid": self._choices.name, "topic": there, "latching": str(int(known.quality.is_latched))}
-        writer.write(write_header({**own, **rest, "message_definition": self._types.text(known.type.name)}))
+        send(writer, write_header({**own, **rest, "message_definition": self._types.text(known.type.name)}))
         link = SubscriberLink(node, topic, writer)
         self._num_links += 1
         key = f"link {self._num_links}"
@@ -215,7 +216,7 @@ class NodeServer:
             raise GraphError(f"{name}: {node} has another definition of {service.name}: md5 sum {md5[:40]}")
         types = {"request_type": service.request.name, "response_type": service.response.name}
         fields = {"callerid": self._choices.name, "type": service.name, "md5sum": service.md5, "service": there}
-        writer.write(write_header(fields | types))
+        send(writer, write_header(fields | types))
         if header.get("probe") == "1":
             await writer.drain()
             return

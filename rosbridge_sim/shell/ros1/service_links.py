@@ -15,7 +15,7 @@ from rosbridge_sim.graph.ros1.tcpros import with_length
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.topic_links import LOST, open_stream, read_body
-from rosbridge_sim.shell.ros1.xmlrpc_http import address_of
+from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, send
 
 MAX_IDLE: Final = 4
 """Connections to one service that are kept for later calls."""
@@ -59,7 +59,7 @@ async def serve_calls(
 
             call(request, on_reply)
             reply = await future
-        writer.write((b"\1" if reply[0] else b"\0") + with_length(reply[1]))
+        send(writer, (b"\1" if reply[0] else b"\0") + with_length(reply[1]))
         async with asyncio.timeout(ANSWER_TIMEOUT):
             await writer.drain()
         if not is_persistent:

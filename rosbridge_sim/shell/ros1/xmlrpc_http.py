@@ -115,6 +115,17 @@ async def connect(host: str, port: int, limit: int = 2**16) -> tuple[asyncio.Str
     return await asyncio.open_connection((await addresses(host))[0], port, limit=limit)
 
 
+def send(writer: asyncio.StreamWriter, data: bytes) -> None:
+    """Write to a connection.
+
+    Raises:
+        ConnectionResetError: it has been closed, which uvloop takes for an error of the program.
+    """
+    if writer.is_closing():
+        raise ConnectionResetError
+    writer.write(data)
+
+
 async def _read_message(reader: asyncio.StreamReader, max_size: int) -> tuple[bytes, bytes]:
     """Return head and body of a message of HTTP.
 
@@ -186,7 +197,7 @@ class XmlRpcServer:
             pass  # the other side has gone, is silent, or speaks something else
         except GraphError as error:
             with suppress(OSError):
-                writer.write(_http("400 Bad Request", str(error).encode(), "text/plain", is_last=True))
+                send(writer, _http("400 Bad Request", str(error).encode(), "text/plain", is_last=True))
         finally:
             self._writers.pop(writer, None)
             writer.close()
@@ -206,7 +217,7 @@ class XmlRpcServer:
             answer = [-1, f"{method}: the arguments are not those of this method", 0]
         lines = head.lower()
         is_last = b"connection: close" in lines or b" http/1.0\r\n" in lines
-        writer.write(_http("200 OK", write_answer(answer), "text/xml", is_last=is_last))
+        send(writer, _http("200 OK", write_answer(answer), "text/xml", is_last=is_last))
         async with asyncio.timeout(IDLE_TIMEOUT):
             await writer.drain()
         return not is_last

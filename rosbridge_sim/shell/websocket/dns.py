@@ -11,6 +11,12 @@ import ipaddress
 import socket
 import threading
 from contextlib import suppress
+from typing import Final
+
+MAX_THREADS: Final = 32
+"""Most lookups at once: nodes of ROS 1 may name any number of hosts, and a dead DNS server holds each for some time."""
+
+_THREAD: Final = "lookup of "
 
 
 class HostLookup:
@@ -52,6 +58,10 @@ class HostLookup:
             lambda done: done.cancelled() or done.exception()
         )  # so that asyncio does not log it if no task waits any more
 
+        if sum(one.name.startswith(_THREAD) for one in threading.enumerate()) >= MAX_THREADS:
+            answer.set_exception(socket.gaierror(socket.EAI_AGAIN, "too many host names are looked up at once"))
+            return answer
+
         def settle(outcome: list[str] | Exception) -> None:
             if answer.cancelled():
                 return
@@ -65,7 +75,7 @@ class HostLookup:
             with suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(settle, outcome)
 
-        threading.Thread(target=look, name=f"lookup of {self._host}", daemon=True).start()
+        threading.Thread(target=look, name=f"{_THREAD}{self._host}", daemon=True).start()
         return answer
 
 

@@ -97,3 +97,22 @@ async def test_requests_of_strangers_end_their_connection_alone(
 def test_what_is_no_address_is_told(uri: str) -> None:
     with pytest.raises(GraphError, match="expected http://HOST:PORT"):
         address_of(uri)
+
+
+def test_a_connection_that_is_closed_before_its_answer_is_no_error_of_uvloop(caplog: pytest.LogCaptureFixture) -> None:
+    uvloop = pytest.importorskip("uvloop")
+
+    async def main() -> None:
+        own = XmlRpcServer(lambda _method, _args: [1, "", 0])
+        await own.start("127.0.0.1")
+        async with own._turn:  # as while another body is read
+            asked = asyncio.create_task(call(f"http://127.0.0.1:{own.port}", "getPid", "/x"))
+            while not own._turn._waiters:  # noqa: ASYNC110 - no event tells of it
+                await asyncio.sleep(0)
+            own.stop()
+            with pytest.raises(GraphError):
+                await asked
+        await asyncio.sleep(0)
+
+    uvloop.run(main())
+    assert caplog.records == []

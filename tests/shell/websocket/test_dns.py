@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.link.client_connection import why_not
-from rosbridge_sim.shell.websocket.dns import HostLookup
+from rosbridge_sim.shell.websocket.dns import MAX_THREADS, HostLookup
 from tests.support import PATIENCE, Process
 
 PLACE = (socket.AF_INET, socket.SOCK_STREAM, 6, "", ("192.0.2.7", 0))
@@ -47,6 +47,19 @@ async def test_ip_address_is_not_looked_up(address: str, name_server: NameServer
 @pytest.mark.parametrize("name", ["localhost", "127.1"])
 async def test_host_name_is_looked_up(name: str) -> None:
     assert "127.0.0.1" in await HostLookup(name).addresses(PATIENCE)
+
+
+async def test_names_beyond_a_number_are_not_looked_up_at_once(name_server: NameServer) -> None:
+    asked = [asyncio.ensure_future(HostLookup(f"robot{i}").addresses(PATIENCE)) for i in range(MAX_THREADS)]
+    await asyncio.sleep(0)
+    with pytest.raises(socket.gaierror, match="too many host names are looked up at once"):
+        await HostLookup("robot").addresses(PATIENCE)
+    name_server.may_answer.set()
+    await asyncio.gather(*asked)
+    for thread in threading.enumerate():
+        if thread.name.startswith("lookup of"):
+            thread.join(PATIENCE)
+    assert await HostLookup("robot").addresses(PATIENCE) == ["192.0.2.7"]
 
 
 async def test_concurrent_lookups_share_one_answer(name_server: NameServer) -> None:
