@@ -16,16 +16,13 @@ from tests.support import ROOT
 LOOP = ROOT / "rosbridge_sim" / "data" / "scenarios" / "loop.json"
 
 
-@pytest.mark.parametrize(
-    ("driver", "least", "most"), [('"lanes"', 3.5, 14.0), ('{ own = "lanes", speed = 2.0 }', 1.0, 2.1)]
-)
-def test_driver_of_lanes_keeps_to_its_speed(folder: CampaignFolder, driver: str, least: float, most: float) -> None:
-    (result,) = folder.drive(f'scenario = "loop"\nseconds = 3.0\n[drivers]\nours = {driver}\n')
+@pytest.mark.parametrize(("speed", "least", "most"), [("", 6.5, 20.0), (", speed = 2.0", 4.0, 6.1)])
+def test_driver_of_lanes_keeps_to_its_speed(folder: CampaignFolder, speed: str, least: float, most: float) -> None:
+    text = f'scenario = "loop"\nseconds = 3.0\n[drivers]\nours = {{ own = "lanes"{speed} }}\n'
+    (result,) = folder.drive(text)
     assert (result.verdict, result.frames) == ("pass", 150)
-    assert least < result.scores["distance"] / 3.0 * 2.0 < 2.0 * most
-    assert result.scores["distance"] <= 3.0 * most
-    assert 0.0 < result.cpu < 60.0
-    assert not (folder.path / "out" / ".work").exists()
+    assert least < result.scores["distance"] < most
+    assert 0.0 < result.cpu < result.wall + 0.5
 
 
 def test_options_of_a_simulator_have_a_changed_scenario_in_the_folder_of_the_run(
