@@ -44,6 +44,9 @@ PAGES = [ROOT / "README.md", *sorted(set((ROOT / "docs").rglob("*.md")) - set((R
 MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:\n\n```text\n(.*?)```\n)?", re.DOTALL)
 """Mark, language and text of an example, and of the block that says what it prints, where there is one."""
 
+STORY = re.compile(r"<!-- story: .+? -->\n```\w+\n.*?```", re.DOTALL)
+"""Stories of `guides/stories.md`, which tests/simulator/story/test_guide_stories.py tells."""
+
 PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv|json)$", re.MULTILINE)
 """Start of a block that must have a mark."""
 
@@ -451,7 +454,7 @@ def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
     examples = read_examples()
     assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS, *WITHOUT_SERVER, *WITH_TORCH])
     assert [mark for mark, found in examples.items() if len(found) > 1] == []
-    programs = sum(len(PROGRAM.findall(path.read_text("utf-8"))) for path in PAGES)
+    programs = sum(len(PROGRAM.findall(STORY.sub("", path.read_text("utf-8")))) for path in PAGES)
     assert programs == len(examples) - 4, "all but `tools`, `doctor` and `contract`, which are sh, and `contract-file`"
 
 
