@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import shutil
 import socket
@@ -112,14 +113,31 @@ def test_guides_python_test_passes(project: Path) -> None:
     assert (done.returncode, "1 passed" in done.stdout) == (0, True), done.stdout + done.stderr
 
 
-async def test_roslib_ros3d_and_react_ros_show_a_mock_of_the_simulator(tmp_path: Path) -> None:
-    file, topics = str(tmp_path / "simulator.yaml"), ("/Ego_topic", "/SyncModeInfo", "/sim/scene/objects", "/tf*")
+async def capture_simulator(file: str) -> None:
+    """Write a mock of the simulator."""
+    topics = ("/Ego_topic", "/SyncModeInfo", "/sim/scene/objects", "/tf*")
     async with Simulator(port=0) as simulator:
         patterns = [word for topic in topics for word in ("--topic", topic)]
         words = ("mock", "capture", simulator.url, "-o", file, "--duration", "1", *patterns, "--call", "/sim/describe")
         done = await asyncio.to_thread(run, *words)
-        assert done.code == 0, done
+    assert done.code == 0, done
     assert run("mock", "check", file).code == 0
+
+
+@pytest.mark.parametrize("library", ["roslib", "roslib1"])
+async def test_roslib_in_node_uses_a_mock_of_the_simulator(library: str, tmp_path: Path) -> None:
+    file, clients = str(tmp_path / "simulator.yaml"), require_node_modules().parent / "clients"
+    await capture_simulator(file)
+    async with Simulator(port=0, mock=file) as mock:
+        words = (require_tool("node"), "mock.mjs", library, str(mock.port), "see")
+        done = await asyncio.to_thread(run_in, clients, *words)
+    seen = {"has_markers": True, "x": 40.0, "frame": "base_link", "model": "2016_Hyundai_Ioniq"}
+    assert json.loads(done.stdout) == seen, done.stdout + done.stderr
+
+
+async def test_roslib_ros3d_and_react_ros_show_a_mock_of_the_simulator(tmp_path: Path) -> None:
+    file = str(tmp_path / "simulator.yaml")
+    await capture_simulator(file)
     folder = tmp_path / "site"
     folder.mkdir()
     pages_of(folder)
