@@ -54,7 +54,10 @@ def read_settings(
         SettingError: the first mistake, or all mistakes of the file, one per line.
         SystemExit: `--help` was given, and its text is printed.
     """
-    return _merge(find_more, read_flags(argv, command), _from_environment(environ))
+    settings = _merge(find_more, read_flags(argv, command), _from_environment(environ))
+    if command == "mock run" and settings.mock is None:
+        raise SettingError("mock run: expected the file of a mock, such as robot.yaml")
+    return settings
 
 
 def check_options(options: Mapping[str, object], find_more: FindMistakes = _find_none) -> Settings:

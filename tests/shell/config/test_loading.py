@@ -631,6 +631,9 @@ def test_mock_run_takes_one_file_and_has_no_world() -> None:
     settings = read_settings(["--port", "0", "robot.yaml", "--seed", "3"], {}, command="mock run")
     assert settings == check_options({"mock": "robot.yaml", "port": 0, "seed": 3})
     assert not settings.world
+    with pytest.raises(SettingError, match=r"mock run: expected the file of a mock, such as robot\.yaml"):
+        read_settings(["--port", "0"], {}, command="mock run")
+    assert read_settings([], {"ROSBRIDGE_SIM_MOCK": "robot.yaml"}, command="mock run").mock == "robot.yaml"
     with pytest.raises(SettingError, match=r"mock run: expected one file; got 'a.yaml' and 'b.yaml'"):
         read_settings(["a.yaml", "b.yaml"], {}, command="mock run")
 
