@@ -37,6 +37,7 @@ from rosbridge_sim.maps.opendrive.signal_elements import (
 )
 from rosbridge_sim.maps.road_map import Border, Projection, RoadMap
 from rosbridge_sim.maps.road_positions import RoadPositions, RoadSpan
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.surface import Surface
@@ -129,6 +130,8 @@ class _Reading:
             borders={row: piece.border for row, piece in enumerate(pieces)},
             banks={row: piece.bank for row, piece in enumerate(pieces) if piece.bank is not None},
         )
+        # The lanes have the lines now; of a piece only its direction at the start is still needed.
+        pieces[:] = [replace(one, line=one.line[:2].copy(), border=np.zeros((0, 2)), bank=None) for one in pieces]
         if not roads.is_flat:
             roads.derived(Surface)  # here and not at the first step: a large map needs a second
         signals = read_signals(lanes)

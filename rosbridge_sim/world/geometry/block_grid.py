@@ -20,6 +20,9 @@ CELL: Final = 64.0
 CELLS_EACH: Final = 16
 """Cells that a box lies in at most, in the mean: it bounds the memory of the grid."""
 
+PART: Final = 1 << 15
+"""Boxes that are sorted into cells at once."""
+
 CELL_COLUMN: Final = 1 << 32
 """Key stride: + CELL_COLUMN moves one cell east, + 1 one cell north."""
 
@@ -46,11 +49,21 @@ class BlockGrid:
                 break
             self._size *= 2.0
         num = width * height
-        block = np.arange(len(low)).repeat(num)
-        place = ranges(np.zeros_like(num), num)
-        number = (first[block, 0] + place // height[block]) * CELL_COLUMN + first[block, 1] + place % height[block]
+        end = num.cumsum()
+        total = int(end[-1]) if len(end) else 0
+        block, number = np.empty(total, dtype=np.int64), np.empty(total, dtype=np.int64)
+        # In parts: a single call for a large map would keep the interpreter from other threads, and need much memory.
+        for begin in range(0, len(low), PART):
+            own = num[begin : begin + PART]
+            boxes = np.arange(begin, begin + len(own)).repeat(own)
+            place, rows = ranges(np.zeros_like(own), own), height[boxes]
+            part = slice(int(end[begin] - own[0]), int(end[begin + len(own) - 1]))
+            block[part] = boxes
+            number[part] = (first[boxes, 0] + place // rows) * CELL_COLUMN + first[boxes, 1] + place % rows
         order = number.argsort(kind="stable")
-        self._number, self._block = number[order], block[order]
+        self._number = _take_in_parts(number, order)
+        del number
+        self._block = _take_in_parts(block, order)
 
     def find(self, place: FloatArray) -> tuple[IntArray, IntArray]:
         """Return the boxes that can be within the reach of each place.
@@ -68,3 +81,12 @@ class BlockGrid:
         if not np.count_nonzero(count):
             return count[:0], self._block[:0]
         return np.arange(len(place)).repeat(count), self._block[ranges(start, count)]
+
+
+def _take_in_parts(values: IntArray, order: IntArray) -> IntArray:
+    """Return `values[order]`, taken in parts so that other threads run between them."""
+    taken = np.empty_like(values)
+    for begin in range(0, len(order), 8 * PART):
+        part = slice(begin, begin + 8 * PART)
+        taken[part] = values[order[part]]
+    return taken
