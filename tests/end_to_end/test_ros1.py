@@ -196,23 +196,25 @@ def test_the_planner_of_the_examples_overtakes_in_rospy(ros: Ros, core: subproce
     flags = ["--ros1-master", "env", "--stamps", "sim", "--scenario", "loop", "--start", "sync"]
     env = build_morai_msgs(ros)
     server = ServerProcess(ros.folder / "log", flags, dict(ros.env))
-    with SyncClient(server.url, timeout=PATIENCE) as client:
-        lanes = {lane["link"]: lane for lane in client.map()["lanes"]}
-        link = client.nearest_lane(60.0, -3.5)["link"]  # of the car
-        points: list[tuple[float, float]] = []
-        while len(points) < 2_000:
-            points += list(zip(lanes[link]["x"], lanes[link]["y"], strict=True))[:-1]
-            link = lanes[link]["successors"][0]
-        path = ros.folder / "path.txt"
-        path.write_text("".join(f"{x} {y} 0\n" for x, y in points))
-        plans = client.subscribe("/plan/path", "nav_msgs/Path", keep=1_000)
-        client.score(reset=True)
-        command = (PYTHON, PLANNER, "--path", path, "--seconds", "60", "--speed-kmh", "100")
-        told = ros._replace(env=env).run(*command)
-        client.confirm()
-        found = plans.take()
-        (score,) = client.score()
-    server.stop_cleanly()
+    try:
+        with SyncClient(server.url, timeout=PATIENCE) as client:
+            lanes = {lane["link"]: lane for lane in client.map()["lanes"]}
+            link = client.nearest_lane(60.0, -3.5)["link"]  # of the car
+            points: list[tuple[float, float]] = []
+            while len(points) < 2_000:
+                points += list(zip(lanes[link]["x"], lanes[link]["y"], strict=True))[:-1]
+                link = lanes[link]["successors"][0]
+            path = ros.folder / "path.txt"
+            path.write_text("".join(f"{x} {y} 0\n" for x, y in points))
+            plans = client.subscribe("/plan/path", "nav_msgs/Path", keep=1_000)
+            client.score(reset=True)
+            command = (PYTHON, PLANNER, "--path", path, "--seconds", "60", "--speed-kmh", "100")
+            told = ros._replace(env=env).run(*command)
+            client.confirm()
+            found = plans.take()
+            (score,) = client.score()
+    finally:
+        server.stop_cleanly()
     matched = re.search(r"drove 60 s, (\d+) lane changes, now at (\d+) km/h", told)
     assert matched is not None, told
     assert (int(matched[1]) >= 1, int(matched[2]) > 80) == (True, True)

@@ -32,7 +32,7 @@ from rosbridge_sim.shell.ros1.other_nodes import OtherNodes
 from rosbridge_sim.shell.ros1.registrations import Registrations
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.service_links import FarServices
-from rosbridge_sim.shell.ros1.topic_readers import TopicReaders
+from rosbridge_sim.shell.ros1.topic_readers import MAX_PUBLISHERS, TopicReaders
 from rosbridge_sim.shell.ros1.xmlrpc_http import XmlRpcServer
 
 PERIOD: Final = 1.0
@@ -243,7 +243,7 @@ class Ros1Node:
         """Subscribe anew to topics whose publishers the master has told us wrongly, or not at all."""
         for one in self._registrations.known:
             nodes = view.nodes.get(Registration("Publisher", one.name), ())
-            num = len([node for node in nodes if node != self._choices.name])
+            num = min(len([node for node in nodes if node != self._choices.name]), MAX_PUBLISHERS)
             if one.kind == "Subscriber" and self._readers.num_publishers(one.name) != num:
                 self._registrations.stale.add(one)
 
