@@ -25,8 +25,11 @@ import pytest
 from rosbridge_sim.campaigns.campaign import check_search, read_campaign
 from rosbridge_sim.cli.contracts.contract_run import read_contract
 from rosbridge_sim.client import Client
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.signal_plan_file import set_signal_plan
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.noise_file import read_sensor_noise
 from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.world.state.world import Kind
@@ -72,6 +75,7 @@ OTHERS = (
     "doctor",
     "contract",
     "contract-file",
+    "signal-plan",
     *(f"web-app-{name}" for name in ("mock", "page", "config", "setup", "spec", "pytest")),
     "catalogue",
     "scenario-ego",
@@ -448,6 +452,12 @@ def test_drivers_limits_and_search_of_a_campaign_are_read() -> None:
     check_search(search)
     assert search.document.search is not None
     assert search.document.search.budget == 200
+
+
+def test_signal_plan_of_the_guide_names_a_junction_of_a_map() -> None:
+    """It is read to the first thing that the built-in map lacks: the names in it are those of a map of the reader."""
+    with pytest.raises(DocumentError, match=r"plan\.json: junctions\.26: .*IntTL0"):
+        set_signal_plan(DiskLibrary().map("track"), example("signal-plan").encode(), "plan.json")
 
 
 def test_each_program_has_a_mark_and_each_mark_a_test() -> None:

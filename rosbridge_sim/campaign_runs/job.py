@@ -108,10 +108,10 @@ class LoadedJob:
             DocumentError: a folder or the catalogue cannot be used.
         """
         own = (
-            *(settings.scenario_path, settings.map, settings.catalogue),
+            *(settings.scenario_path, settings.map, settings.catalogue, settings.signal_plan),
             *(settings.param, settings.ego_entity, settings.ego, settings.lenient),
         )
-        if own == (Settings().scenario_path, None, None, (), "", "program", False):
+        if own == (Settings().scenario_path, None, None, None, (), Settings().ego_entity, "program", False):
             return self.library
         if own not in self._libraries:
             if len(self._libraries) >= MAX_LIBRARIES:
