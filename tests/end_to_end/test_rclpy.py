@@ -180,10 +180,20 @@ def test_messages_of_a_tick_are_in_a_node_before_the_answer() -> None:
 
 
 def test_patterns_of_access_hold_for_a_node_in_both_directions(tmp_path: Path) -> None:
-    denied = ("publish=/robot/plan", "subscribe=/web/private", "service=*/secret", "param=/robot:secret")
+    check_rights(tmp_path, "--deny-publish=/robot/plan", "--deny-subscribe=/web/private")
+
+
+def test_in_a_namespace_the_chosen_topics_alone_pass(tmp_path: Path) -> None:
+    topics = ("--ros2-topics=/robot/state", "--ros2-topics=/web/public")
+    check_rights(tmp_path, "--ros2-namespace=/sim1", *topics, namespace="/sim1")
+
+
+def check_rights(tmp_path: Path, *options: str, namespace: str = "") -> None:
+    """Check that `/robot/plan` and `/web/private` do not pass, nor services and parameters that are denied."""
+    denied = ("--deny-service=*/secret", "--deny-param=*/robot:secret", "--deny-param=/robot:secret")
     script = ROOT / "tests" / "end_to_end" / "rights_of_ros2.py"
-    with rclpy_server(tmp_path, "--no-world", *(f"--deny-{one}" for one in denied)) as program:
-        told = json.loads(run_node(script, program.url, seconds=120))
+    with rclpy_server(tmp_path, "--no-world", *options, *denied) as program:
+        told = json.loads(run_node(script, program.url, namespace, seconds=120))
     assert told["node heard"] == ["/web/public"]
     assert told["client heard"] == ["/robot/state"]
     assert told["node sees"] == told["node sees topics"] == [0, 1]
