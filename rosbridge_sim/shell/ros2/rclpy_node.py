@@ -136,6 +136,8 @@ class RclpyNode:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.library)
         self._work: deque[Callable[[], object]] = deque()
+        self._is_at_work = False
+        self._turned_at = 0.0
         sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_INTERVAL))
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
 
@@ -155,6 +157,7 @@ class RclpyNode:
     def start(self) -> None:
         """Let messages come from now on."""
         self._thread.start()
+        self._keep_turning()
 
     def stop(self) -> None:
         """Leave the domain. A second call does nothing."""
@@ -162,7 +165,7 @@ class RclpyNode:
             return
         self.is_stopped = True
         self.inbox.stop()
-        self._executor.wake()
+        self._executor.create_task(self._do_work)
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)  # `stop` of a server takes two seconds at most
         with suppress(Exception):  # the library may be in the midst of something; the process ends anyway
@@ -174,11 +177,9 @@ class RclpyNode:
         next_look = 0.0
         while not self.is_stopped:
             try:
-                self._executor.spin_once(timeout_sec=PERIOD)
-                while self._work:
-                    self._work.popleft()()
-                if time.monotonic() >= next_look:
-                    start = time.monotonic()
+                self._executor.spin_once()  # a time-out would be a timer of the library, made anew each time
+                start = self._turned_at = time.monotonic()
+                if start >= next_look:
                     self._look()
                     now = time.monotonic()
                     next_look = now + max(PERIOD, LOOK_SHARE * (now - start))
@@ -187,6 +188,22 @@ class RclpyNode:
                     return
                 _log.error("internal error of rclpy", exc_info=error)
                 time.sleep(PERIOD)
+
+    def _keep_turning(self) -> None:
+        """Have the thread look at the graph though nothing comes (for the loop)."""
+        if not self.is_stopped:
+            if time.monotonic() - self._turned_at >= PERIOD:
+                self.run(lambda: None)
+            self._loop.call_later(PERIOD, self._keep_turning)
+
+    def _do_work(self) -> None:
+        """Do what others have left for the thread that spins."""
+        self._is_at_work = False
+        while self._work:
+            try:
+                self._work.popleft()()
+            except Exception as error:  # noqa: BLE001 - see `_spin`
+                _log.error("internal error in work with rclpy", exc_info=error)
 
     # As a `FarNode`
 
@@ -307,7 +324,9 @@ class RclpyNode:
         """Have a function called in the thread that spins, after those before it: tasks of rclpy have no order."""
         if not self.is_stopped:
             self._work.append(work)
-            self._executor.wake()
+            if not self._is_at_work:
+                self._is_at_work = True
+                self._executor.create_task(self._do_work)
 
     def destroy(self, destroy: Callable[[RclpyObject], object], one: RclpyObject) -> None:
         """End something in the thread that spins, which may be waiting for it now."""
