@@ -97,38 +97,7 @@ class FarServiceType(Protocol):
 
 Type = TypeVar("Type", bound=FarType)
 Service = TypeVar("Service", bound=FarServiceType)
-ServiceFound_co = TypeVar("ServiceFound_co", bound=FarServiceType, covariant=True)
-ServiceGiven_contra = TypeVar("ServiceGiven_contra", bound=FarServiceType, contravariant=True)
 Given_contra = TypeVar("Given_contra", bound=FarType, contravariant=True)
-Found_co = TypeVar("Found_co", bound=FarType, covariant=True)
-
-
-class FarTypes(Protocol[Found_co]):
-    """All types as nodes there know them."""
-
-    def find(self, name: str) -> Found_co:
-        """Return a type.
-
-        Args:
-            name: `pkg/Type`, in any spelling.
-
-        Raises:
-            PeerError: there is none, or nodes there cannot exchange it.
-        """
-
-
-class FarServiceTypes(Protocol[ServiceFound_co]):
-    """All service types as nodes there know them."""
-
-    def find_service(self, name: str) -> ServiceFound_co:
-        """Return a type.
-
-        Args:
-            name: `pkg/Type`, in any spelling.
-
-        Raises:
-            PeerError: there is none, or nodes there cannot exchange it.
-        """
 
 
 class FarService(Record):
@@ -151,18 +120,9 @@ OnReply = Callable[[bool, bytes], None]
 """`(is_ok, body)`: the response in the bytes of the graph, or the reason as text."""
 
 
-class FarCalls(Protocol[ServiceGiven_contra]):
-    """Calls of services that nodes there provide, which `shell/` makes."""
-
-    def call(self, name: str, service: ServiceGiven_contra, request: bytes, call: Call, on_reply: OnReply) -> None:
-        """Call a service; `on_reply` is called once, later, unless the call ends before.
-
-        Args:
-            name: name of the service on the bus.
-            service: its type.
-            request: the request in the bytes of the graph.
-            call: the call on the bus, with its deadline.
-        """
+FarCall = Callable[[str, Service, bytes, Call, OnReply], None]
+"""`(name, service, request, call, on_reply)`: call a service that a node provides, by its name on the bus, with a
+request in the bytes of the graph. `on_reply` is called once, later, unless the call on the bus ends before."""
 
 
 class Endpoint(Record):

@@ -20,7 +20,7 @@ from typing import Final, Generic
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, FarTypes, Type
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, Type
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some, node_text
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
@@ -91,7 +91,7 @@ class Gateway(Generic[Type]):
         self,
         graph: FarGraph,
         bus: Bus,
-        types: FarTypes[Type],
+        find: Callable[[str], Type],
         node: FarNode[Type],
         policy: Policy,
         *,
@@ -101,7 +101,8 @@ class Gateway(Generic[Type]):
         """Start without writers and readers; the first `advance` makes them.
 
         Args:
-            types: its types as nodes there know them.
+            find: returns the type of a name (`pkg/Type` in any spelling) as nodes there know it; raises PeerError if
+                there is none, or nodes cannot exchange it.
             policy: rights of all clients.
             topics: topics that pass, in both directions.
             qualities: pattern of topics, and the quality of our publishers there; the first that matches.
@@ -111,7 +112,7 @@ class Gateway(Generic[Type]):
         self._graph = graph
         self._log = logging.getLogger(graph.logger)
         self._bus = bus
-        self._types = types
+        self._find_type = find
         self._node = node
         self._policy = policy
         self._topics = topics
@@ -311,7 +312,7 @@ class Gateway(Generic[Type]):
             self._tell_of(endpoint, f"{endpoint.type_name} is no message of {self.address}")
             return None
         try:
-            return self._types.find(type_name)
+            return self._find_type(type_name)
         except PeerError as error:
             self._tell_of(endpoint, str(error), level=logging.INFO)
             return None
@@ -504,7 +505,7 @@ class Gateway(Generic[Type]):
     def _find(self, topic: Topic) -> Type | None:
         """Return the type of a topic as the graph knows it; None if it has none or was refused, which is told once."""
         try:
-            found = self._types.find(topic.type.name)
+            found = self._find_type(topic.type.name)
         except PeerError as error:
             self._lines.tell(f"{topic.name} does not pass: {error}", logging.INFO)
             return None

@@ -15,7 +15,7 @@ import orjson
 
 from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import FarCalls, FarGraph, FarService, FarServiceTypes, OnReply, Service
+from rosbridge_sim.graph.gateway.far_graph import FarCall, FarGraph, FarService, OnReply, Service
 from rosbridge_sim.graph.gateway.far_offers import FarOffers
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy
@@ -82,9 +82,9 @@ class NodeServices(FarOffers, Generic[Service]):
         self,
         graph: FarGraph,
         bus: Bus,
-        types: FarServiceTypes[Service],
+        find: Callable[[str], Service],
         policy: Policy,
-        far: FarCalls[Service],
+        far_call: FarCall[Service],
         *,
         is_offered: Callable[[str, Participant], bool] = lambda _name, _owner: True,
     ) -> None:
@@ -93,17 +93,17 @@ class NodeServices(FarOffers, Generic[Service]):
         Args:
             graph: the kind of graph.
             bus: our bus.
-            types: its types as nodes know them.
+            find: returns the service type of a name as nodes there know it; see `Gateway`.
             policy: rights of all clients.
-            far: calls services of nodes.
+            far_call: calls services of nodes.
             is_offered: returns whether nodes may call a service of an owner, for which the policy lets them.
         """
         super().__init__(graph, bus, policy)
         self.callers: dict[str, CallingNode] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.check_request: Callable[[str, Call], None] = lambda _name, _call: None
-        self._types = types
-        self._far = far
+        self._find_type = find
+        self._far_call = far_call
         self._is_offered = is_offered
         bus.on_holdings.append(self._note_holdings)
 
@@ -136,7 +136,7 @@ class NodeServices(FarOffers, Generic[Service]):
                 self._log.tell(f"more than {MAX_SERVICES:,} services on the bus: the others do not pass")
                 break
             try:
-                found[name] = self._types.find_service(service.type.name)
+                found[name] = self._find_type(service.type.name)
             except PeerError as error:
                 self._log.tell(f"service {name} does not pass: {error}", logging.INFO)
         return found
@@ -158,7 +158,7 @@ class NodeServices(FarOffers, Generic[Service]):
         self._policy.check_call(name)
         if not self._may_offer(name, service.owner):
             raise GraphError(f"service {name} is not offered to nodes", reason=Reason.NOT_ALLOWED)
-        return self._types.find_service(service.type.name)
+        return self._find_type(service.type.name)
 
     def call(self, node: str, name: str, request: bytes, on_reply: OnReply, now: float) -> None:
         """Call a service of the bus for a node.
@@ -208,7 +208,7 @@ class NodeServices(FarOffers, Generic[Service]):
     # Services of nodes, for the bus
 
     def _provide(self, one: FarService) -> None:
-        service = self._types.find_service(one.type_name)
+        service = self._find_type(one.type_name)
         if one.hash and one.hash != service.hash:
             raise GraphError(
                 f"{one.type_name} has another definition there ({one.hash}, here {service.hash}); use --schema-path",
@@ -237,4 +237,4 @@ class NodeServices(FarOffers, Generic[Service]):
             call.answer(values)
 
         request = service.request.encode(Message(service.request.type, call.request))
-        self._far.call(name, service, request, call, on_reply)
+        self._far_call(name, service, request, call, on_reply)

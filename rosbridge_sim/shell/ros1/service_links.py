@@ -68,7 +68,7 @@ async def serve_calls(
 
 
 class FarServices:
-    """Calls of services that nodes provide, over connections that are kept; see `FarCalls`."""
+    """Calls of services that nodes provide, over connections that are kept; see `FarCall`."""
 
     def __init__(self, bus: Bus, choices: Ros1Choices) -> None:
         """Make no connection yet; the calls of a participant that leaves the bus end."""
@@ -79,7 +79,7 @@ class FarServices:
         bus.on_leave.append(self._note_leaving)
 
     def call(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
-        """See `FarCalls`."""
+        """See `FarCall`."""
         task = asyncio.get_running_loop().create_task(self._run(name, service, request, call, on_reply))
         self._running[task] = call
         task.add_done_callback(lambda done: self._running.pop(done, None))

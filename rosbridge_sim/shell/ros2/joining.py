@@ -167,7 +167,7 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     gateway = Gateway(
         graph,
         bus,
-        types,
+        types.find,
         node,
         policy,
         topics=Rule(settings.ros2_topics),
@@ -198,7 +198,7 @@ def _make_offers(
 ) -> _Offers:
     loop = asyncio.get_running_loop()
     far_services, far_actions = RclpyServices(rclpy, loop), RclpyActions(rclpy, loop)
-    services = NodeServices(ROS2_GRAPH, bus, types, policy, far_services, is_offered=is_offered)
+    services = NodeServices(ROS2_GRAPH, bus, types.find_service, policy, far_services.call, is_offered=is_offered)
     parameters = RemoteParameters(bus, policy, lambda service: service.owner is services)
     services.check_request = parameters.check_request
     actions = Ros2Actions(bus, types, policy, far_actions, is_offered=is_offered)

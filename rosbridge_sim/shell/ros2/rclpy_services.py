@@ -41,7 +41,7 @@ CALLS: Final = Quality(depth=1_000)
 
 
 class RclpyServices:
-    """Services of our node; see `FarCalls`.
+    """Services of our node; see `FarCall`.
 
     Attributes:
         services: gets what comes; set before the first turn of the loop.
@@ -58,10 +58,10 @@ class RclpyServices:
         self._is_sweeping = False
         self._log = OnceLog(ROS2_GRAPH.logger)
 
-    # Services of nodes; see `FarCalls`
+    # Services of nodes; see `FarCall`
 
     def call(self, name: str, service: CdrServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
-        """See `FarCalls`."""
+        """See `FarCall`."""
         found = self._node.types.find(service.name)
         with rclpy_errors():
             client = self._client(name, found)

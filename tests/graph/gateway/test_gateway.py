@@ -50,7 +50,13 @@ class GraphInMemory:
         self.types_held: dict[str, tuple[str, float]] = {}
         self.now = 0.0
         self.gateway = Gateway(
-            ROS2_GRAPH, self.bus, self.types, self, policy or Policy(), topics=topics or Rule(), qualities=qualities
+            ROS2_GRAPH,
+            self.bus,
+            self.types.find,
+            self,
+            policy or Policy(),
+            topics=topics or Rule(),
+            qualities=qualities,
         )
         self.settle()
 
