@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Final
 
 from rosbridge_sim.maps import mgeo
-from rosbridge_sim.maps.opendrive.opendrive_map import ROOT, read_opendrive
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record
 
@@ -52,7 +51,15 @@ class MapFileFormat(Record):
 FORMATS: Final = (MapFormat("MGeo", mgeo.FILES, mgeo.MAP_FILES, mgeo.read_mgeo, mgeo.find_mgeo_mistakes),)
 """All formats. If a folder has files of several, the first one is taken."""
 
-FILE_FORMATS: Final = (MapFileFormat("OpenDRIVE", ".xodr", ROOT, read_opendrive),)
+
+def _read_opendrive(pieces: Iterable[bytes], source: str) -> RoadMap:
+    # Imported here, so that a start without such a file is faster.
+    from rosbridge_sim.maps.opendrive.opendrive_map import read_opendrive  # noqa: PLC0415
+
+    return read_opendrive(pieces, source)
+
+
+FILE_FORMATS: Final = (MapFileFormat("OpenDRIVE", ".xodr", "OpenDRIVE", _read_opendrive),)
 """All formats of single files."""
 
 MAP_FILES: Final = tuple(dict.fromkeys(file for each in FORMATS for file in each.files))
