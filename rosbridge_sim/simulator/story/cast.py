@@ -19,7 +19,7 @@ from rosbridge_sim.printable import printable
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
-from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, World
+from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, Kind, World
 
 STORY: Final = "story"
 PROGRAM: Final = "program"
@@ -142,10 +142,10 @@ class Cast:
         (teleport if actor.mode == PROGRAM else place_ghost)(self.world, row, **pose, speed=speed)
 
     def hand_over(self, actor: StoryActor) -> None:
-        """Have a driver of the world drive an actor along the lanes; one that is on none stays as it is."""
-        if actor.lane < 0 or actor.mode == PROGRAM or abs(actor.turned) > math.pi / 4:
-            return
+        """Have a driver of the world drive a vehicle along the lanes; an ego, or one off the lanes, stays as it is."""
         row = self.world.row(actor.uid)
+        if actor.lane < 0 or self.world.kind[row] != Kind.VEHICLE or abs(actor.turned) > math.pi / 4:
+            return
         route = tuple(actor.route[actor.route.index(actor.lane) :]) if actor.lane in actor.route else ()
         teleport(self.world, row, x=actor.x, y=actor.y, z=actor.z, yaw=actor.yaw, speed=max(actor.speed, 0.0))
         keep_lanes(self.world, [LaneStart(row, actor.lane, actor.s, max(actor.speed, STANDS), route, lateral=0.0)])

@@ -301,6 +301,15 @@ def test_a_controller_hands_an_actor_to_a_driver_of_the_world_and_an_action_take
     assert telling.speed("Car") == 0.0
 
 
+def test_a_controller_of_the_ego_leaves_it_to_the_story(caplog: pytest.LogCaptureFixture) -> None:
+    activate = '<ActivateControllerAction lateral="true" longitudinal="true"/>'
+    drive = f"<PrivateAction><ControllerAction>{activate}</ControllerAction></PrivateAction>"
+    telling = Telling(story(EGO, group("Ego", event("drive", drive, after(0)))))
+    telling.run(1.0)
+    assert telling.x("Ego") == pytest.approx(30.0)
+    assert "no effect" not in caplog.text
+
+
 def test_a_route_decides_where_lanes_fork_and_bends_keep_the_speed() -> None:
     telling = Telling(story({"Ego": teleport(link("middle", 990)) + speed(10)}))
     telling.run(5.0)  # 10 m straight, 40 m of the bend of radius 50
