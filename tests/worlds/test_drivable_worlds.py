@@ -8,7 +8,6 @@ import pytest
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
-from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.world import Body, Kind
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 from rosbridge_sim.worlds.lanes_behind import find_lanes_behind
@@ -20,9 +19,7 @@ BOX = Body.box(4.0, 2.0, 1.5)
 
 def on(roads: Roads, plan: SignalPlan | None = None) -> OneOfMany:
     world = OneOfMany()
-    world.roads = roads
-    if plan is not None:
-        world.signals = Signals(plan)  # type: ignore[misc]  # mypy sees the property of its rows
+    world.lay_roads(roads, plan)
     return world
 
 
