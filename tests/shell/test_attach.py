@@ -63,8 +63,11 @@ def lines(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
 
 
 async def until(holds: Callable[[], bool]) -> None:
-    """Come back once something holds; the loop goes on meanwhile."""
-    async with asyncio.timeout(PATIENCE):
+    """Come back once something holds; the loop goes on meanwhile.
+
+    A world in real time needs longer than an answer does: a flood took a minute beside eight busy programs.
+    """
+    async with asyncio.timeout(5 * PATIENCE):
         while not holds():  # noqa: ASYNC110 - what is waited for tells nobody
             await asyncio.sleep(0.01)
 
