@@ -29,7 +29,7 @@ _AXLE: Final = (
 )
 _LIMITS: Final = "maxSpeed?:number maxAcceleration?:number maxDeceleration?:number"
 _RATES: Final = "maxAccelerationRate?:number maxDecelerationRate?:number"
-_OVERRIDE: Final = "active:bool"
+_OVERRIDE: Final = "active=false|0"  # pedals that a story sets are refused, not ignored
 
 _TABLE: Final = f"""
 OpenSCENARIO: FileHeader ParameterDeclarations? VariableDeclarations? MonitorDeclarations? CatalogLocations?

@@ -155,6 +155,16 @@ def test_what_is_not_supported_is_refused_by_name_before_anything_moves() -> Non
     assert "RandomRouteAction is not supported" in lenient.findings.refused[0]
 
 
+@pytest.mark.parametrize("active", ["true", "false"])
+def test_a_pedal_that_a_story_presses_is_refused(active: str) -> None:
+    pedal = f'<OverrideControllerValueAction><Brake active="{active}" value="1"/></OverrideControllerValueAction>'
+    text = story({"Ego": f"<PrivateAction><ControllerAction>{pedal}</ControllerAction></PrivateAction>"})
+    found = examine_story(text_of(text))[1].mistakes
+    assert [mistake.partition(": ")[2].partition(": ")[2] for mistake in found] == (
+        ["Brake.active: expected false or 0, got 'true'"] if active == "true" else []
+    )
+
+
 def test_an_element_of_no_version_is_refused_with_the_nearest_one() -> None:
     text = story({"Ego": "<PrivateAction><TeleportActoin/></PrivateAction>"})
     with pytest.raises(DocumentError, match=r"no element 'TeleportActoin' is known in PrivateAction \(did you mean"):
