@@ -45,7 +45,7 @@ async def _type_of(bridge: Bridge, action: str) -> str:
     return actions[action]
 
 
-async def listtypes_of_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> None:
+async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_json: bool) -> None:
     """Print all actions.
 
     Args:
