@@ -101,7 +101,7 @@ _SERVE_TEXT = (
     " to any rosbridge: rosbridge-sim topic, service, node, param, action, sync, tick, step, score, snapshot, restore,"
     " spawn, sensor, shot, layout, wait, record; or read files: bag, interface, schema, scenario, map, docs; or draw:"
     " clip, shot; or drive many scenarios: campaign; or look at a graph of ROS: ros1 check, ros2 check; or"
-    " check a rosbridge: doctor. Each has its own --help."
+    " check a rosbridge: doctor, contract; or stand in for a robot: mock. Each has its own --help."
 )
 
 _ATTACH_TEXT = (

@@ -21,7 +21,7 @@ from rosbridge_sim.shell.monitoring.masking import Mask, mask_of
 LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (
-        *("", ".app", ".attach", ".bus", ".campaign", ".client", ".graph", ".morai"),
+        *("", ".app", ".attach", ".bus", ".campaign", ".client", ".graph", ".mock", ".morai"),
         *(".page", ".recording", ".replay", ".ros1", ".ros2", ".server", ".storage", ".websockets"),
     )
 )

@@ -99,6 +99,7 @@ def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: Sim
     # They tell what no drive changes.
     alone |= {"/sim/catalogue", "/sim/map", "/sim/scene/mesh", "/sim/route", "/sim/nearest_lane"}
     alone |= {"/sim/scenarios", "/sim/scenario_picture"}
+    alone |= {"/sim/story"}  # it tells how far a story is
     alone |= {"/sim/score"}  # no other service tells or resets scores
     alone |= {"/sim/control_lease"}  # it lifts the pedals of its own caller
 
