@@ -56,6 +56,17 @@ def test_printed_config_shows_the_settings_in_use(
     assert "\nseed = 77\n" in out
 
 
+def test_mock_takes_the_options_of_a_configuration_file(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    config = tmp_path / "options.toml"
+    config.write_text("port = 0\nros = 2\ndeny_service = ['/enable']\n")
+    code, out, err = say(monkeypatch, capsys, "mock", "run", "robot.yaml", "--config", str(config), "--print-config")
+    assert (code, err) == (0, "")
+    expected = {'mock = "robot.yaml"', "port = 0", "ros = 2", 'deny-service = ["/enable"]', "world = false"}
+    assert expected <= {*out.splitlines()}
+
+
 @pytest.mark.slow
 def test_help_without_a_command_is_the_help_of_serve() -> None:
     bare, named = run("--help"), run("serve", "--help")

@@ -91,6 +91,27 @@ async def test_messages_of_clients_reach_nodes(joined: Joined) -> None:
     assert "string data" in header["message_definition"]
 
 
+async def test_a_mock_is_there_for_nodes(tmp_path: Path) -> None:
+    answers = "[{value: {success: true, message: done}}]"
+    robot = tmp_path / "robot.yaml"
+    robot.write_text(f"""
+topics: {{/words: {{type: std_msgs/String, rate: 50, value: {{data: hello}}}}}}
+services: {{/reset: {{type: std_srvs/Trigger, answers: {answers}}}}}
+""")
+    master = await SmallMaster().start()
+    node = await SmallNode(master, "/planner").start()
+    async with Simulator(port=0, mock=robot, ros1_master=master.uri):
+        await until(lambda: master.publishers("/words") and "/reset" in master.services)
+        _, (reader, _) = await node.subscribe("/words", md5sum=STRING_MD5, type="std_msgs/String")
+        assert await take_message(reader) == text_of("hello")
+        _, (reader, writer) = await node.open_service("/reset", md5sum=TRIGGER_MD5)
+        writer.write(with_length(b""))
+        assert await reader.readexactly(1) == b"\1"
+        assert await take_message(reader) == b"\1" + text_of("done")
+    node.die()
+    master.server.stop()
+
+
 async def test_late_subscribers_get_latched_messages_once(joined: Joined) -> None:
     await joined.client.send("advertise", topic="/map_name", type="std_msgs/String", latch=True)
     await joined.client.send("publish", topic="/map_name", msg={"data": "old"})

@@ -61,6 +61,16 @@ async def test_a_tick_s_messages_reach_nodes_of_ros2(joined: Joined) -> None:
     assert stamps == [(0, 20_000_000 * i) for i in range(1, 6)]
 
 
+async def test_a_mock_is_there_for_nodes(tmp_path: Path) -> None:
+    robot = tmp_path / "robot.yaml"
+    robot.write_text("topics: {/words: {type: std_msgs/String, rate: 50, value: {data: hello}}}")
+    domain = domain_of(14)
+    async with Simulator(port=0, mock=robot, ros=2, ros2_domain=domain):
+        program = Program(domain)
+        assert (await (await program.subscribe("/words", String)).next()).data == "hello"
+        program.close()
+
+
 async def test_commands_of_nodes_reach_the_simulator(joined: Joined) -> None:
     writer = joined.program.publish("/ctrl_cmd", CtrlCmd)
     await joined.client.subscribe("/ctrl_cmd", type="morai_msgs/CtrlCmd")

@@ -617,6 +617,16 @@ async def test_server_with_a_certificate_speaks_wss(certificate: Certificate) ->
             assert (await client.message("/t"))["data"] == text
 
 
+async def test_mock_is_served_by_wss(certificate: Certificate, tmp_path: Path) -> None:
+    robot = tmp_path / "robot.yaml"
+    robot.write_text("services: {/reset: {type: std_srvs/Trigger, answers: [{value: {success: true}}]}}")
+    async with (
+        Simulator(port=0, mock=robot, token=TOKEN, certfile=certificate.certfile, keyfile=certificate.keyfile) as sim,
+        AsyncClient(sim.url, token=TOKEN, tls=certificate.context) as client,
+    ):
+        assert (await client.call("/reset"))["success"] is True
+
+
 async def test_python_client_trusts_the_certificate_that_it_is_given(certificate: Certificate) -> None:
     options: SimulatorOptions = {"certfile": certificate.certfile, "keyfile": certificate.keyfile, "token": TOKEN}
     options |= {"port": 0, "world": False}
