@@ -286,6 +286,7 @@ NOT_FOR_NODES: dict[str, dict[str, list[str]]] = {
         "the graph lists no service that has never ended": ["services/duplicate-other-client"],
         "a goal that fails is aborted for a node": ["actions/provider-lost", "actions/unadvertise"],
         "ROS 2 does not tell whose goal it is": ["actions/caller-lost"],
+        "actions of ROS 1 are topics": ["actions/by-topics"],
     },
 }
 """Side of the node -> why a check of clients has no meaning there -> names."""
