@@ -62,10 +62,10 @@ MAX_OBJECTS_EACH = 0.5
 MAX_THREADS = 6
 """Threads that may stay and wait for the next file: the size of the loop's own executor on two cores."""
 
-MAX_STALL = 250.0
+MAX_STALL = 150.0
 """Longest wait of the bystander above that of the one at the idle server [ms], if one pass of the server's loop also
-took so much CPU time: 50 is the bound for one hostile frame, and one pass of the first minute takes up to 180. A longer
-wait with shorter passes is the machine's, whose cores the clients of this script use."""
+took so much CPU time: 50 is the bound for one hostile frame. A longer wait with shorter passes is the machine's, whose
+cores the clients of this script use."""
 
 IDLE_TASKS = 2
 """Tasks of a server without clients: one runs it, and one waits for its failure."""
