@@ -1,4 +1,4 @@
-"""What was seen of a running system: rates of topics, and the values of each field, in bounded memory.
+"""Observations of a running system: rates of topics, and the values of each field, in bounded memory.
 
 A field has a path: `pose.position.x`, and `ranges[]` for all elements of a list.
 """
@@ -74,7 +74,7 @@ class SeenField:
 
     @property
     def kinds(self) -> set[str]:
-        """What its values were: `number`, `text`, `flag`, `list`, `message`."""
+        """Kind of its values: `number`, `text`, `flag`, `list`, `message`."""
         found = {"flag" if isinstance(word, bool) else "text" for word in self.words}
         found |= {"number"} if self.is_number or self.num_not_finite else set()
         found |= {"text"} if self.is_open else set()
@@ -240,7 +240,7 @@ def parent_of(path: str) -> str:
 
 
 class SeenSystem(Record):
-    """What was seen of a system.
+    """Observations of a system.
 
     Attributes:
         topics: name -> messages, of the topics that were watched.

@@ -79,7 +79,7 @@ class RoadSpan(Record, eq=False, gc=False):
 
     @property
     def is_forward(self) -> bool:
-        """Whether the lane is driven along the road."""
+        """True if vehicles drive along the road on this lane, false if against it."""
         return bool(self.s[-1] > self.s[0])
 
 

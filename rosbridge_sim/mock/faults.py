@@ -32,7 +32,7 @@ MAX_FAULTS: Final = 200
 
 
 class FaultEffect(Record):
-    """What happens to a message or a call.
+    """The effect of the faults on a message or a call.
 
     Attributes:
         delay: [s].

@@ -1,7 +1,7 @@
 """A mock on the bus: a participant that publishes, answers and pursues goals as its plan says.
 
-Messages are due at whole nanoseconds after the start, so a message has its values from its number alone. One that
-nobody gets is not made. If a turn comes too late, the messages that were missed are left out, and their numbers, too.
+Messages are due at whole nanoseconds after the start, so a message has its values from its number alone. One
+without a subscriber is not made. Messages whose turn was missed are left out, and so are their numbers.
 """
 
 from __future__ import annotations
@@ -278,7 +278,7 @@ class MockNode:
         self._due, self._is_stale = None, False
 
     def _find_active(self, now: float) -> None:
-        """Find the topics that somebody gets, and those that their expressions read."""
+        """Find the topics that have subscribers, and those that their expressions read."""
         self._is_stale = False
         active = {name for name, each in self._producers.items() if each[0].topic.has_listener}
         to_do = list(active)

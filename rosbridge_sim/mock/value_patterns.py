@@ -1,7 +1,7 @@
 """Patterns of values over time, such as `$sine`: functions of the number and the time of a message.
 
 Each value depends on the mock's seed and on the message alone, not on the messages that were sent before: a message
-that nobody subscribes to is not made. A random walk makes up for the steps that it has missed.
+without a subscriber is not made. A random walk makes up for the steps that it has missed.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ SUBSCRIBERS = """\
 
 
 class _Capture:
-    """What is captured.
+    """The parts of a system to capture.
 
     Attributes:
         types: topic -> type of all topics that are wanted.

@@ -1,4 +1,4 @@
-"""What nodes of a graph offer on the bus: the common part of their services and their actions."""
+"""Services and actions that nodes of a graph offer on the bus: their common part."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ def read_opendrive(pieces: Iterable[bytes], source: str) -> RoadMap:
 
 
 class _Reading:
-    """What was read so far."""
+    """The parts that have been read so far."""
 
     def __init__(self) -> None:
         self._projection, self._origin = NO_PROJECTION, (0.0, 0.0, 0.0)

@@ -23,7 +23,7 @@ from rosbridge_sim.world.roads.routing import find_route
 from rosbridge_sim.world.state.entity_types import MAX_COORDINATE
 
 FAR: Final = 100.0
-"""What is farther from all lanes than this is on none [m]."""
+"""Greatest distance from a lane at which a place still belongs to it [m]."""
 
 TOUCHES: Final = 1e-6
 """A foot point is this near to the perpendicular of a place, unless the place lies beyond an end of its lane [m]."""
@@ -158,7 +158,7 @@ class StoryMap:
     def beside(self, on: OnLane, steps: int) -> tuple[int, float]:
         """Return the row of the lane so many lanes to the left, and how far its line is to the left [m].
 
-        The row is -1 for a lane on which nobody drives in this direction.
+        The row is -1 for a lane that has no traffic in this direction.
 
         Raises:
             DocumentError: there is no such lane.

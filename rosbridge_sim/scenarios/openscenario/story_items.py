@@ -71,7 +71,7 @@ class StoryItem(Record, eq=False):
 
 
 class Findings(Record, eq=False):
-    """What is told about a file: a line each, with file and line.
+    """Mistakes and remarks about a file: one text each, with file and line.
 
     Attributes:
         mistakes: what is wrong.
@@ -104,7 +104,7 @@ def _tell(lines: list[str], line: str) -> None:
 _SILENT: Final = frozenset(
     {"License", "CatalogLocations", "File", "ConstraintGroup", "SceneGraphFile", "UsedArea", "TrailerHitch", "Trailer"}
 )
-"""Elements without effect that nobody misses."""
+"""Elements without effect that are left out without a remark."""
 
 _EXPRESSION: Final = re.compile(r"\$\{(.*)\}", re.DOTALL)
 _PARAMETER: Final = re.compile(r"\$([A-Za-z_][\w.-]*)")

@@ -78,10 +78,10 @@ class BoardPart(Record, eq=False):
 
 
 class Host(Protocol):
-    """What conditions and actions mean."""
+    """The part of a simulator that judges the conditions of a story and carries out its actions."""
 
     def measure(self, condition: StoryItem) -> tuple[bool, float]:
-        """Return whether what is in a `Condition` holds now, and the figure that it compares (NaN for none)."""
+        """Return whether a `Condition` holds now, and the figure that it compares (NaN for none)."""
 
     def begin(self, number: int) -> None:
         """Begin the action of a part."""
@@ -177,7 +177,7 @@ class Storyboard:
 
         Args:
             frame: number of the frame, from 1; it rises by one from call to call.
-            host: what conditions and actions mean.
+            host: judges conditions, and carries out actions.
         """
         state = self.state
         self._frame, state.frame_mark = frame, state.mark

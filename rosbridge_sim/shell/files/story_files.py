@@ -33,7 +33,7 @@ MAX_NAMES: Final = 1_000
 
 
 class StoryOptions(Record):
-    """How stories are read, see `StoryText`.
+    """Options for reading stories, see `StoryText`.
 
     Attributes:
         parameters: of the scenario that the server is started with; of others those that they declare.

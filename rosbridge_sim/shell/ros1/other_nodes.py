@@ -1,6 +1,6 @@
 """The other nodes of the graph: what they publish and provide, and whether those that call services here still live.
 
-Nobody waits for a node: what a look finds new is asked for in tasks, a few at once.
+No look at the graph waits for a node: each new node is asked in a task of its own, a few at once.
 """
 
 from __future__ import annotations

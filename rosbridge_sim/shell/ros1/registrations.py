@@ -1,4 +1,4 @@
-"""What our node has registered with the master: publishers, subscribers and services, and changes of parameters."""
+"""Registrations of our node with the master: publishers, subscribers, services, and changes of parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is installed of ROS 2 for this Python: rclpy, the classes of its types, and messages as CDR and back."""
+"""ROS 2 as it is installed for this Python: rclpy, the classes of its types, and messages as CDR and back."""
 
 from __future__ import annotations
 

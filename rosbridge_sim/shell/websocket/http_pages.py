@@ -1,4 +1,4 @@
-"""What the server answers to plain HTTP requests, by their paths."""
+"""Answers of the server to plain HTTP requests, by their paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a request gets that has not shown the token, or names an unknown host: refusals, delays, and less room."""
+"""Treatment of requests without the token or with an unknown host: refusals, delays, and less room."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ DRIVER: Final = "driver"
 MODES: Final = frozenset({STORY, PROGRAM, DRIVER})
 
 STANDS: Final = 0.01
-"""What is slower stands still [m/s]."""
+"""A lower speed counts as standing [m/s]."""
 
 _COLUMNS: Final = ("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "yaw_rate")
 
@@ -77,12 +77,12 @@ class StoryActor:
 
     @property
     def place(self) -> MapPlace:
-        """Where it is in the map frame."""
+        """Return its place in the map frame."""
         return MapPlace(self.x, self.y, self.z, self.yaw, self.roll, self.pitch)
 
     @property
     def on_lane(self) -> OnLane:
-        """Where it is on a lane."""
+        """Return its place on a lane."""
         return OnLane(self.lane, self.s, self.offset, self.turned)
 
     @property

@@ -1,4 +1,4 @@
-"""What the conditions of a story mean: each returns the figure that it compares, and whether it holds.
+"""Conditions of a story: each returns the figure that it compares, and whether it holds.
 
 Each kind is a row of `OF_ENTITY` (for one triggering entity) or `OF_VALUE`. An entity that is not in the world fulfils
 no condition. A time to collision or a headway that is not defined (the other is behind, or is not approached) fulfils
@@ -34,7 +34,7 @@ TOUCHES: Final[Mapping[str, Kind]] = {
 
 
 class StoryView(Record, eq=False):
-    """What conditions look at.
+    """The scene that conditions look at.
 
     Attributes:
         values: of variables and parameters, by name.

@@ -61,7 +61,7 @@ class Running:
 
 
 class Stage(Record, eq=False):
-    """What actions look at.
+    """The scene that actions look at.
 
     Attributes:
         bodies: of the actors, by name.

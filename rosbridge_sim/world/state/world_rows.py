@@ -1,4 +1,4 @@
-"""What a step reads and writes: the columns of all rows, and frame, chance, lanes and lights of the world of each row.
+"""State that a step reads and writes: columns of all rows; frame, chance, lanes and lights of the world of each row.
 
 A step never asks how many worlds the rows are of. `World` has the rows of one world, so that most answers are the same
 for all of them, as here. `many_worlds.Batch` has the rows of many worlds, and answers for each row.
