@@ -22,8 +22,9 @@ pytestmark = pytest.mark.slow
 
 LEFT_ROUND = ["R1222L1", "J22W1N", "R2223L1", "J23S1W", "R2313L1", "J13E1S", "R1312L1", "J12N1E"]
 
-SHORT_ROUND = LEFT_ROUND[:3]
-"""Past the first of the four lights: who waits at each of them takes twice the time of who does not."""
+LEGS_PAST_ONE, LEGS_PAST_TWO = 3, 4
+"""Lanes of the round up to behind the first and the second of its four lights: a client that waits at each light takes
+twice the time of one that does not."""
 
 
 class LatestMessages(Client):
@@ -81,8 +82,8 @@ class Rounds:
 
 
 @cache  # a round takes as long as ten other tests, and several tests look at it
-def drive_round(*, heeds_lights: bool) -> Rounds:
-    rounds = Rounds(heeds_lights=heeds_lights, way=SHORT_ROUND if heeds_lights else LEFT_ROUND)
+def drive_round(*, heeds_lights: bool, num_legs: int = LEGS_PAST_ONE) -> Rounds:
+    rounds = Rounds(heeds_lights=heeds_lights, way=LEFT_ROUND[:num_legs] if heeds_lights else LEFT_ROUND)
     rounds.town.world.start_scoring()
     while not rounds.driver.is_done and rounds.town.world.frame < 25_000:
         rounds.go_on()
@@ -104,12 +105,21 @@ def drive_rounds(num_frames: int) -> Rounds:
 LIGHTS = ["TL22WL", "TL23SL", "TL13E", "TL12N"]
 
 
-def test_client_that_obeys_the_lights_runs_no_red_light() -> None:
-    rounds = drive_round(heeds_lights=True)
+@pytest.mark.parametrize(
+    ("num_legs", "num_lights", "most_seconds", "fewest_others"),
+    [(LEGS_PAST_ONE, 1, 100.0, 10), pytest.param(LEGS_PAST_TWO, 2, 200.0, 20, marks=pytest.mark.long)],
+)
+def test_client_that_obeys_the_lights_runs_no_red_light(
+    num_legs: int, num_lights: int, most_seconds: float, fewest_others: int
+) -> None:
+    rounds = drive_round(heeds_lights=True, num_legs=num_legs)
     judge = rounds.judge
-    assert [name for name, _ in judge.passed] == LIGHTS[:1]
+    assert [name for name, _ in judge.passed] == LIGHTS[:num_lights]
     assert judge.red == [], judge.passed
-    assert rounds.town.world.frame * 0.02 < 100.0
+    assert rounds.reds.num == 0
+    assert rounds.reds.num_passed > fewest_others
+    assert read_score(rounds.town.world, rounds.town.world.row(0)).num_stop_lines == num_lights
+    assert rounds.town.world.frame * 0.02 < most_seconds
 
 
 def test_client_that_ignores_the_lights_is_detected() -> None:
