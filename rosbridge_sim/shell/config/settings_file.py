@@ -172,4 +172,4 @@ def _beside(key: str, value: object, folder: Path) -> object:
 
 def looks_like_path(name: str) -> bool:
     """Return True if a scenario or map is given as a path, not as a name."""
-    return "/" in name or os.sep in name or name.endswith(".json") or name in {".", ".."}
+    return "/" in name or os.sep in name or name.endswith((".json", ".xosc", ".xodr")) or name in {".", ".."}

@@ -173,8 +173,7 @@ class DiskLibrary:
         path = _find_scenario(DATA / "scenarios", parts)
         if path is not None:
             return path
-        form = find_other_format(name)
-        if form:
+        if not is_story(name, b"") and (form := find_other_format(name)):
             raise DocumentError(f"{name!r}: {say_not_read(form)}; {SCENARIO_IS}")
         known = ", ".join(self.scenario_names())
         raise DocumentError(f"no scenario {name!r}; known are {known}, and --scenario-path takes a folder")

@@ -27,6 +27,16 @@ def test_a_story_is_found_with_and_without_suffix_behind_a_json_of_that_name(lay
         library.scenario("c")
 
 
+def test_a_story_of_the_current_folder_is_named_without_a_path(lay: Lay, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(lay({"a.xosc": story({"Ego": ""}), "empty.xosc": "", "spoilt.xosc": "\x01\x02"}))
+    assert DiskLibrary().opening_scenario("a.xosc").story is not None
+    for name in ("empty.xosc", "spoilt.xosc"):
+        with pytest.raises(DocumentError, match=rf"^{name}: line 1: not XML"):
+            DiskLibrary().opening_scenario(name)
+    with pytest.raises(DocumentError, match=r"^no scenario 'gone.xosc'; known are "):
+        DiskLibrary().opening_scenario("gone.xosc")
+
+
 def test_catalogues_are_read_from_the_folders_that_a_file_names(lay: Lay) -> None:
     text = story({"Ego": ""}, more=LOCATIONS.format("../cars"), entities=WITH_CAT)
     root = lay({"x/a.xosc": text, "cars/one.xosc": CATALOGUE, "cars/notes.txt": "nothing"})
