@@ -12,7 +12,7 @@ import pytest
 from tests.support import ROOT
 
 PAGES = {
-    "README.ko.md": ("README.md", "80e0468b1a4b"),
+    "README.ko.md": ("README.md", "654dec0062e4"),
     "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
     "docs/ko/page.md": ("docs/guides/page.md", "7cd9080c603a"),
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
