@@ -119,6 +119,8 @@ def send_goals_to_client(node: Ros, told: dict[str, Any]) -> None:
     future = goal.get_result_async()
     for i in range(5):
         wire.say("action_feedback", action="/web_fibonacci", id=goal_id, values={"sequence": [0, i]})
+    # Status and feedback are two topics, and rclpy drops the feedback that it reads after the last status.
+    wait_until(lambda: len(seen) >= 5)
     end(goal_id, 4)
     result = done(future)
     told["feedback"] = seen

@@ -158,7 +158,7 @@ def test_actions_and_parameters_pass_in_both_directions(tmp_path: Path) -> None:
     assert told["listed"] == ["test_msgs/Fibonacci", True]
     assert told["web to node"] == [[[0, 1, 1, 2, 3, 5], True, 4], "the goal was rejected by its node", 5]
     assert told["has cancelled the goal of a client that left"]
-    assert told["feedback"] == [[0, i] for i in range(5)], "in order, and before the result"
+    assert told["feedback"] == [[0, i] for i in range(5)], "all of it, in order"
     assert told["node to web"] == [[[0, 1, 1], 4], [True, 5], False]
     assert told["parameters"] == PARAMETERS
 
