@@ -138,7 +138,6 @@ def make_node(
         BarrierServices(context),
         RealTimeFactor(context),
         ControlLeases(context),  # before Drivers, which forgets who drove when a client leaves
-        Scores(context, is_always=chosen.score),
         Population(context),
         road_services,
         SceneState(context, road_services),
@@ -149,7 +148,8 @@ def make_node(
         SceneMarkers(context),
         Scenarios(context, shelf),
         traffic,
-        Stories(context),
+        stories := Stories(context),
+        Scores(context, stories.verdict, is_always=chosen.score),
     ]
     if chosen.standard_topics:
         components += [

@@ -47,6 +47,16 @@ def test_a_function_drives_the_ego_of_a_story_with_the_parameters_of_each_run(fi
     assert ways == pytest.approx([5.0, 10.0], abs=0.5)
 
 
+def test_a_limit_judges_a_drive_by_the_verdict_of_the_story(files: CampaignFolder) -> None:
+    hurry = by_entity("Ego", '<TraveledDistanceCondition value="7"/>')
+    evaluation = f"<Evaluation><FailureConditionGroup>{hurry}</FailureConditionGroup></Evaluation>"
+    files.write("mine.xosc", STORY.replace("</OpenSCENARIO>", f"{evaluation}</OpenSCENARIO>"))
+    limit = """[limits.own.story]\nend = '/sim/story.verdict.result != "failure"'\n"""
+    slow, fast = files.drive(CAMPAIGN.format("v") + limit)
+    assert (slow.verdict, fast.verdict) == ("pass", "fail")
+    assert "story" in fast.reason
+
+
 def test_a_parameter_that_the_story_lacks_is_told(files: CampaignFolder) -> None:
     job = files.job(CAMPAIGN.format("w"))
     check_job(job)

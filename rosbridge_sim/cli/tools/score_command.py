@@ -50,6 +50,7 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> None:
         note(str(values["message"]))
     for score in frames_in(values, "scores"):
         _put_score(score)
+    _put_verdict(values)
 
 
 async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> None:
@@ -71,6 +72,7 @@ async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> None:
         else:
             for score in frames_in(msg, "scores"):
                 put(_line(score))
+            _put_verdict(msg)
         if num_left is not None:
             num_left -= 1
 
@@ -87,6 +89,15 @@ def _put_score(score: Frame) -> None:
         if mean:
             parts.append(f"{'rms' if mean.startswith('rms') else 'mean'} {_text(score, mean)}")
         put(f"  {title:20}  {', '.join(parts)} [{unit}]")
+
+
+def _put_verdict(values: Frame) -> None:
+    """Show the verdict of a story, if it has an evaluation."""
+    verdict = values.get("verdict")
+    if not isinstance(verdict, dict) or not verdict.get("result"):
+        return
+    result, group, reason = (safe(str(verdict.get(key))) for key in ("result", "group", "reason"))
+    put(f"story: {result}" + (f" at {_text(verdict, 'time')} s: {group}: {reason}" if verdict.get("group") else ""))
 
 
 def _line(score: Frame) -> str:

@@ -255,7 +255,8 @@ POSITIONS: Final = (
 )
 
 LEFT_OUT: Final = frozenset(
-    {"Event", "Act", "Private", "PrivateAction", "GlobalAction", "UserDefinedAction", "ConditionGroup", "Condition"}
+    {"Event", "Act", "Private", "PrivateAction", "GlobalAction", "UserDefinedAction", "ConditionGroup"}
+    | {"SuccessConditionGroup", "FailureConditionGroup"}
 )
 """Elements that `--lenient` leaves out when something in them is refused, where others of their kind may stand beside
 them."""

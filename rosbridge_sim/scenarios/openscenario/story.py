@@ -12,7 +12,14 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record, field
-from rosbridge_sim.scenarios.openscenario.story_items import Findings, StoryItem, StoryItemReader, evaluate, place_of
+from rosbridge_sim.scenarios.openscenario.story_items import (
+    MAX_NUMBER,
+    Findings,
+    StoryItem,
+    StoryItemReader,
+    evaluate,
+    place_of,
+)
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.xml_documents import Element, read_whole
 
@@ -61,6 +68,8 @@ class Story(Record, eq=False):
         text: what it is made of.
         entities: `ScenarioObject` items by name, in order.
         ego: name of the entity that is the ego; empty if there is none.
+        holds: of pedestrians by name, MORAI's `activeDistance` and `moveDistance`: how near an ego is when one begins
+            to move, and its longest way; 0 for none [m].
         init: `Actions` of `Init`.
         storyboard: acts, events, conditions.
         evaluation: MORAI's groups of conditions; None for none.
@@ -73,6 +82,7 @@ class Story(Record, eq=False):
     text: StoryText
     entities: Mapping[str, StoryItem]
     ego: str
+    holds: Mapping[str, tuple[float, float]]
     init: StoryItem
     storyboard: StoryItem
     evaluation: StoryItem | None
@@ -196,6 +206,7 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
         text=given,
         entities=entities,
         ego=choose_ego(given.ego, entities, given.source, findings),
+        holds={name: _hold(item, findings) for name, item in entities.items() if item.find("Pedestrian") is not None},
         init=board.part("Init").part("Actions"),
         storyboard=board,
         evaluation=root.find("Evaluation"),
@@ -205,6 +216,24 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
         map_name=map_name,
         findings=findings,
     )
+
+
+def _hold(entity: StoryItem, findings: Findings) -> tuple[float, float]:
+    """Return the distances of a pedestrian, see `Story.holds`; 0 for one that is none, which the findings tell."""
+    distances = {"activeDistance": 0.0, "moveDistance": 0.0}
+    properties = entity.part("Pedestrian").find("Properties")
+    for item in () if properties is None else properties.all("Property"):
+        if item["name"] in distances:
+            try:
+                value = float(item["value"])
+            except ValueError:
+                value = -1.0
+            if not 0.0 <= value <= MAX_NUMBER:
+                shown = printable(item["value"], 60)
+                findings.mistakes.append(f"{item.where}: {item['name']}: expected a distance [m], got {shown!r}")
+                continue
+            distances[item["name"]] = value
+    return distances["activeDistance"], distances["moveDistance"]
 
 
 def choose_ego(wanted: str, entities: Mapping[str, StoryItem], source: str, findings: Findings) -> str:

@@ -317,7 +317,8 @@ class StoryItemReader:
                 text = f"{element.tag}: expected one {what} in it, got {num or 'none'}"
                 _tell(self.findings.mistakes, f"{place_of(element)}: {text}")
                 is_good = False
-        return tuple(items) if is_good else None
+        is_left_out = element.tag == "StartTrigger" and element.children and not items  # else it would start at once
+        return tuple(items) if is_good and not is_left_out else None
 
     def _refuse(self, element: Element, place: str, known: Sequence[str] = ()) -> None:
         tag = printable(element.tag, 60)

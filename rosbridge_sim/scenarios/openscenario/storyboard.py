@@ -106,7 +106,8 @@ class BoardState:
         history: of each condition with a delay, frames and values: from the frame on it was so.
         figures: of each condition, the figure that it compared last; 0 before the first look.
         is_over: the storyboard's stop trigger has fired.
-        verdict: `success` or `failure`, once a group of the evaluation held; empty before.
+        verdict_group: number of the evaluation's group that held first; -1 before.
+        verdict_frame: frame of the verdict.
     """
 
     states: list[int]
@@ -120,7 +121,24 @@ class BoardState:
     mark: int = 0
     frame_mark: int = 0
     is_over: bool = False
-    verdict: str = ""
+    verdict_group: int = -1
+    verdict_frame: int = 0
+
+
+class StoryVerdict(Record):
+    """What MORAI's evaluation has found.
+
+    Attributes:
+        result: `success`, `failure` or `undecided`; empty without an evaluation.
+        group: the group that decided: its kind, and its number among those of its kind, from 1.
+        time: since the story began; -1 while undecided [s].
+        reason: file and line of the group, its conditions and the figures that they compared.
+    """
+
+    result: str = ""
+    group: str = ""
+    time: float = -1.0
+    reason: str = ""
 
 
 @dataclass(slots=True)
@@ -148,9 +166,10 @@ class Storyboard:
         table = _Table()
         _flatten(board, -1, table)
         groups = () if evaluation is None else evaluation.parts
-        self._verdicts = [(group.kind, _numbers(group, table)) for group in groups]
+        self._groups = [(group, _numbers(group, table)) for group in groups]
         self.parts: Sequence[BoardPart] = table.parts
         self.conditions: Sequence[StoryItem] = table.conditions
+        self._frame_time = frame_time
         self._delay = [round(each.get("delay", 0.0) / frame_time) for each in self.conditions]
         self._frame = self._since = 0
         self.state = self.fresh()
@@ -170,6 +189,8 @@ class Storyboard:
             and all(len(each) == len(self.conditions) for each in conditions)
             and set(state.states) <= set(State)
             and set(state.changes) <= set(Transition)
+            and -1 <= state.verdict_group < len(self._groups)
+            and state.verdict_frame >= 0
         )
 
     def advance(self, frame: int, host: Host) -> None:
@@ -195,12 +216,33 @@ class Storyboard:
 
     def _judge(self, host: Host) -> None:
         """Give the verdict, once; in a frame with both it is `failure`."""
-        if self.state.verdict:
+        if self.state.verdict_group >= 0:
             return
-        looked_at = [(kind, [self._holds(number, host) for number in group]) for kind, group in self._verdicts]
-        held = {kind for kind, each in looked_at if all(each)}
+        looked_at = [[self._holds(number, host) for number in group] for _, group in self._groups]
+        held = [number for number, each in enumerate(looked_at) if each and all(each)]
         if held:
-            self.state.verdict = "failure" if "FailureConditionGroup" in held else "success"
+            kinds = [group.kind for group, _ in self._groups]
+            self.state.verdict_group = min(held, key=lambda number: (kinds[number] != "FailureConditionGroup", number))
+            self.state.verdict_frame = self._frame
+
+    def verdict(self) -> StoryVerdict:
+        """Return the verdict. Conditions of the evaluation are not looked at behind it, so they tell its reason."""
+        state = self.state
+        if state.verdict_group < 0:
+            return StoryVerdict("undecided" if self._groups else "")
+        group, numbers = self._groups[state.verdict_group]
+        place = [each for each, _ in self._groups if each.kind == group.kind].index(group) + 1
+        conditions = [self.conditions[number] for number in numbers]
+        shown = [
+            f"{kind_of(each)} {each['name']!r} ({state.figures[number]:.6g})"
+            for number, each in zip(numbers, conditions, strict=True)
+        ]
+        return StoryVerdict(
+            "failure" if group.kind == "FailureConditionGroup" else "success",
+            f"{group.kind} {place}",
+            state.verdict_frame * self._frame_time,
+            f"{group.where}: {' and '.join(shown)}",
+        )
 
     def seen(self, kind: str, name: str, word: str) -> bool:
         """Return whether an element of this kind and name is in a state, or has made a transition since the last look.
@@ -347,6 +389,12 @@ class Storyboard:
             history.pop(0)
         since, was_so = history[0]
         return was_so and since <= self._frame - delay
+
+
+def kind_of(condition: StoryItem) -> str:
+    """Return the kind of a condition, such as SpeedCondition."""
+    item = condition.part()
+    return (item if item.kind == "ByValueCondition" else item.part("EntityCondition")).part().kind
 
 
 def _flatten(item: StoryItem, parent: int, table: _Table) -> int:

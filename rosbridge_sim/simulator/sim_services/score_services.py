@@ -4,13 +4,15 @@ The world keeps scores from the first request until its reset. A request is a su
 service, or `--score` at the start. Subscribers of all topics (far bridges, recorders) make no request; they get the
 topic once it is there. After a reset, scores begin again at frame 0 with `--score`, or if the topic has a subscriber.
 
-The component holds no state: the figures are columns of the world. What they mean is in `world.scoring`.
+The component holds no state: the figures are columns of the world. What they mean is in `world.scoring`. The verdict
+of a story is that of `Stories`.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 from rosbridge_sim.graph.topics_services import Call, Topic
@@ -34,17 +36,19 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Scores(Component):
     """The component of scores."""
 
-    def __init__(self, context: SimulatorContext, *, is_always: bool = False) -> None:
+    def __init__(self, context: SimulatorContext, verdict: Callable[[], Struct], *, is_always: bool = False) -> None:
         """Publish and offer nothing yet.
 
         Args:
+            verdict: makes the verdict of the loaded story.
             is_always: keep scores from frame 0 on, whether anybody asks or not.
         """
         self._context = context
+        self._verdict = verdict
         self._is_always = is_always
         self._publisher: PeriodicPublisher | None = None
         store = context.bus.store
-        self._make_message = late_maker(store, "rosbridge_sim_msgs/Scores", "header scores")
+        self._make_message = late_maker(store, "rosbridge_sim_msgs/Scores", "header scores verdict")
         self._make_score = late_maker(
             store,
             "rosbridge_sim_msgs/EgoScore",
@@ -83,9 +87,10 @@ class Scores(Component):
     def _message(self) -> Struct | None:
         """Make the message; None while no scores are kept."""
         self._start_if_wanted()  # the world may have become one of before the first subscription
-        if not self._context.world.is_scoring:
+        world = self._context.world
+        if not world.is_scoring:
             return None
-        return self._make_message(self._context.convert.header(self._context.world.frame), self._scores())
+        return self._make_message(self._context.convert.header(world.frame), self._scores(), self._verdict())
 
     def _tell(self, call: Call, _now: float) -> None:
         request: Any = call.request
@@ -98,7 +103,7 @@ class Scores(Component):
         scores = self._scores()
         if request.reset:
             world.reset_scores()
-        call.respond(result=True, message=message, scores=scores)
+        call.respond(result=True, message=message, scores=scores, verdict=self._verdict())
 
     def _scores(self) -> list[Struct]:
         """Make the scores of all egos, in their order."""

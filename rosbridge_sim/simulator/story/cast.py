@@ -47,6 +47,7 @@ class StoryActor:
         travelled: way since the start [m].
         still, at_end, off_road: for how long it stands, is at the end of a road, is on no lane [s].
         route: rows of lanes that it takes where lanes fork.
+        waiting: the speed that it will have when an ego is near; None if it does not wait [m/s].
         is_placed: an action has placed it in this frame.
         is_changing_lane: from the end of this frame on it follows the line of the lane that it is on then.
     """
@@ -72,6 +73,7 @@ class StoryActor:
     at_end: float = 0.0
     off_road: float = 0.0
     route: list[int] = field(default_factory=list)
+    waiting: float | None = None
     is_placed: bool = False
     is_changing_lane: bool = False
 
@@ -98,8 +100,22 @@ class Cast:
         step: length of a frame [s].
     """
 
-    def __init__(self, world: World, story_map: StoryMap, actors: Mapping[str, StoryActor], step: float = DT) -> None:
+    def __init__(
+        self,
+        world: World,
+        story_map: StoryMap,
+        actors: Mapping[str, StoryActor],
+        holds: Mapping[str, tuple[float, float]],
+        step: float = DT,
+    ) -> None:
+        """Take the actors.
+
+        Args:
+            holds: by name, how near an ego is when an actor begins to move, and its longest way; 0 for none [m].
+            step: length of a frame [s].
+        """
         self.world = world
+        self._holds = holds
         self.step = step
         self.map = story_map
         self.actors = actors
@@ -176,8 +192,21 @@ class Cast:
     def begin_frame(self) -> None:
         """Note speeds and offsets before the actions of a frame change them."""
         self._before = {name: (actor.speed, actor.offset) for name, actor in self.actors.items()}
-        for actor in self.actors.values():
+        for name, actor in self.actors.items():
             actor.is_placed, actor.way_speed = False, None
+            self._hold(name, actor)
+
+    def _hold(self, name: str, actor: StoryActor) -> None:
+        """Have a pedestrian wait until an ego is near, and stand at the end of its way: additions of MORAI."""
+        near, way = self._holds.get(name, (0.0, 0.0))
+        if actor.waiting is not None:
+            actor.waiting = actor.speed or actor.waiting
+            egos = np.flatnonzero(self.world.alive & (self.world.kind == Kind.EGO))
+            away = np.hypot(self.world.x[egos] - actor.x, self.world.y[egos] - actor.y)
+            is_near = bool((away <= near).any())
+            actor.speed, actor.waiting = (actor.waiting, None) if is_near else (0.0, actor.waiting)
+        if way > 0.0:
+            actor.speed = min(actor.speed, max(way - actor.travelled, 0.0) / self.step)
 
     def move(self) -> None:
         """Move all actors of the story by a frame, and write them into the world, within a step."""
@@ -186,16 +215,16 @@ class Cast:
         ]
         if not moved:
             return
-        on_lanes = [(name, actor) for name, actor in moved if actor.lane >= 0 and not actor.is_placed]
+        straight = [(name, actor) for name, actor in moved if actor.lane < 0 or any(self._holds.get(name, ()))]
+        on_lanes = [each for each in moved if each not in straight and not each[1].is_placed]
         curvature = self._curvature([actor for _, actor in on_lanes])
+        for name, actor in moved:
+            self._hold(name, actor)
         for (name, actor), bend in zip(on_lanes, curvature, strict=True):
             self._drive(actor, self._before[name][1], bend)
-        for _, actor in moved:
-            if actor.lane < 0 and not actor.is_placed:
-                way = actor.speed * self.step
-                actor.x += way * math.cos(actor.yaw)
-                actor.y += way * math.sin(actor.yaw)
-                actor.travelled += abs(way)
+        for _, actor in straight:
+            if not actor.is_placed:
+                self._go_straight(actor)
         before = {name: actor.yaw for name, actor in moved}
         self._set_down([actor for _, actor in on_lanes])
         for _, actor in on_lanes:
@@ -240,6 +269,15 @@ class Cast:
         base = math.pi if actor.direction < 0.0 else 0.0
         if way:
             actor.turned = math.remainder(base + actor.direction * math.atan2(aside, abs(along)), math.tau)
+
+    def _go_straight(self, actor: StoryActor) -> None:
+        """Move an actor along its heading."""
+        way = actor.speed * self.step
+        actor.x += way * math.cos(actor.yaw)
+        actor.y += way * math.sin(actor.yaw)
+        actor.travelled += abs(way)
+        if actor.lane >= 0:
+            self.take_lane(actor)
 
     def _curvature(self, actors: list[StoryActor]) -> list[float]:
         if not actors:

@@ -12,9 +12,10 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.printable import printable
 from rosbridge_sim.scenarios.openscenario.entities import story_scenario
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
-from rosbridge_sim.scenarios.openscenario.storyboard import State, Transition
+from rosbridge_sim.scenarios.openscenario.storyboard import State, StoryVerdict, Transition, kind_of
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -54,6 +55,7 @@ class Stories(Component):
         )
         self._make_element = make("StoryElement", "kind name state transition executions parent")
         self._make_condition = make("StoryCondition", "name kind is_looked_at holds value")
+        self._make_verdict = make("StoryVerdict", "result group time reason")
         self._make_state = make("StoryState", "header name time is_over verdict elements conditions entities ids")
         self._follow(0.0)
 
@@ -71,10 +73,10 @@ class Stories(Component):
         """Offer the service that exists once, not for each ego."""
         bindings.provide(STORY_TOPIC[1:], "rosbridge_sim_msgs/Story", self._answer)
 
-    @property
-    def verdict(self) -> str:
-        """Return the verdict of the story's evaluation; empty while there is none."""
-        return "" if self.told is None else self.told.state.board.verdict
+    def verdict(self) -> Struct:
+        """Make the message of the verdict of the story's evaluation."""
+        verdict = StoryVerdict() if self.told is None else self.told.board.verdict()
+        return self._make_verdict(verdict.result, verdict.group, verdict.time, printable(verdict.reason))
 
     # The story
 
@@ -145,7 +147,7 @@ class Stories(Component):
         context, told = self._context, self.told
         header = context.convert.header(context.world.frame)
         if told is None:
-            return self._make_state(header, "", 0.0, False, "", [], [], [], [])  # noqa: FBT003 - not over
+            return self._make_state(header, "", 0.0, False, self.verdict(), [], [], [], [])  # noqa: FBT003 - not over
         state, board = told.state.board, told.board
         elements = [
             self._make_element(
@@ -163,13 +165,7 @@ class Stories(Component):
         ]
         conditions = [
             self._make_condition(
-                *(
-                    each["name"],
-                    each.part().part().kind
-                    if each.part().kind == "ByValueCondition"
-                    else each.part().part("EntityCondition").part().kind,
-                ),
-                *(state.before[i] >= 0, state.before[i] == 1, figure),
+                *(each["name"], kind_of(each), state.before[i] >= 0, state.before[i] == 1, figure),
             )
             for i, (each, figure) in enumerate(zip(board.conditions, state.figures, strict=True))
         ]
@@ -179,7 +175,7 @@ class Stories(Component):
             for actor in told.state.actors.values()
         ]
         return self._make_state(
-            *(header, context.scene.loaded.name, told.time(), state.is_over, state.verdict, elements, conditions),
+            *(header, context.scene.loaded.name, told.time(), state.is_over, self.verdict(), elements, conditions),
             *(list(told.state.actors), ids),
         )
 

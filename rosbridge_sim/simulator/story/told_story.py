@@ -90,6 +90,8 @@ class ToldStory:
         ]
         self.board = Storyboard(story.storyboard, step, story.evaluation)
         actors = {name: StoryActor(mode=self._mode_of(name)) for name in story.entities}
+        for name, (near, _) in story.holds.items():
+            actors[name].waiting = 0.0 if near else None
         values = {**story.parameters, **story.variables}
         self.state = StoryState(self._world.frame, actors, self.board.state, values=values)
         self._map = story_map
@@ -104,7 +106,7 @@ class ToldStory:
         state = self.state
         self.board.state = state.board
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
-        self._cast = Cast(self._world, self._map, state.actors, self._step)
+        self._cast = Cast(self._world, self._map, state.actors, self.story.holds, self._step)
         measures = Measures(self._cast, bodies)
         self._stage = Stage(self._cast, measures, bodies, self.time, self._step)
         self._looks = StoryView(self._cast, measures, self.board, state.values, self._shows, self.time)

@@ -167,6 +167,49 @@ def test_the_service_tells_elements_conditions_and_entities() -> None:
     assert dict(zip(told["entities"], told["ids"], strict=True))["walker"] == 2**32 - 1
 
 
+EVALUATED = story(
+    {"Ego": teleport(link("middle", 20)) + speed(10)},
+    end=f"<Evaluation><FailureConditionGroup>{after(0.5)}</FailureConditionGroup></Evaluation>",
+)
+
+
+def test_the_score_has_the_verdict_of_the_story() -> None:
+    telling = Telling(EVALUATED)
+    client = Client(telling.node.context.bus, "me")
+
+    def verdict(name: str) -> dict[str, object]:
+        values = client.call(name, {}).values
+        assert isinstance(values, Message)
+        answer = json.loads(values.json)
+        found: dict[str, object] = answer["verdict"] if name == "/sim/score" else answer["story"]["verdict"]
+        return found
+
+    undecided = {"result": "undecided", "group": "", "time": -1.0, "reason": ""}
+    assert verdict("/sim/score") == undecided
+    telling.run(0.6)
+    found = verdict("/sim/score")
+    assert (found["result"], found["group"], found["time"]) == ("failure", "FailureConditionGroup 1", 0.5)
+    assert re.fullmatch(r"story.xosc: line \d+: SimulationTimeCondition 'c' \(0.5\)", str(found["reason"]))
+    assert verdict("/sim/story") == found
+    state = NodeState(telling.node.context, telling.node.components)
+    saved = state.save()
+    telling.node.context.scene_changes.reset(None, 0.0)
+    assert verdict("/sim/score") == undecided
+    state.restore(saved, 0.0, before_undo=lambda: None)
+    assert verdict("/sim/score") == found
+
+
+@pytest.mark.parametrize(("group", "frame"), [(1, 3), (-2, 0), (0, -1)])
+def test_a_verdict_that_no_story_has_is_refused(group: int, frame: int) -> None:
+    component = Telling(EVALUATED).node.component(Stories)
+    data = component.save_state()
+    assert isinstance(data, dict)
+    board = data["board"]
+    assert isinstance(board, dict)
+    with pytest.raises(ValueError, match="state of the story"):
+        component.load_state({**data, "board": {**board, "verdict_group": group, "verdict_frame": frame}}, 0.0)
+
+
 def test_the_page_of_the_docs_names_each_action_condition_and_position() -> None:
     page = (Path(__file__).parents[3] / "docs/reference/openscenario.md").read_text()
     words = set(re.findall(r"\w+", page))

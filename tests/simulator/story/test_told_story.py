@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.scenarios.openscenario.storyboard import StoryVerdict
 from rosbridge_sim.simulator.story.motions import shape_at
 from tests.simulator.story.story_texts import (
+    WALKER,
     Telling,
     after,
     at,
@@ -451,10 +454,66 @@ def test_an_evaluation_gives_a_verdict() -> None:
         each.replace("ConditionGroup", f"{name}ConditionGroup")
         for each, name in ((success, "Success"), (failure, "Failure"))
     )
-    telling = Telling(story(EGO, end=f"<Evaluation>{success}{failure}</Evaluation>"))
+    telling = Telling(story(EGO, end=f"<Evaluation>{success}<FailureConditionGroup/>{failure}</Evaluation>"))
+    board = telling.told.board
     telling.run(1.9)
-    assert telling.told.state.board.verdict == ""
+    assert board.verdict() == StoryVerdict("undecided")
     telling.run(0.2)
-    assert telling.told.state.board.verdict == "success"
+    verdict = board.verdict()
     telling.run(4.0)
-    assert telling.told.state.board.verdict == "success"
+    assert board.verdict() == verdict  # although the group of failure holds now
+    assert (verdict.result, verdict.group) == ("success", "SuccessConditionGroup 1")
+    assert verdict.time == pytest.approx(2.0, abs=0.03)
+    assert re.fullmatch(r"story.xosc: line \d+: TraveledDistanceCondition 'c' \(20.2\)", verdict.reason)
+
+
+def test_of_two_verdicts_in_one_frame_failure_counts() -> None:
+    both = "".join(f"<{kind}ConditionGroup>{after(1)}</{kind}ConditionGroup>" for kind in ("Success", "Failure"))
+    telling = Telling(story(EGO, end=f"<Evaluation>{both}</Evaluation>"))
+    telling.run(1.2)
+    assert telling.told.board.verdict().result == "failure"
+
+
+def test_a_story_without_an_evaluation_has_no_verdict() -> None:
+    telling = Telling(story(EGO))
+    telling.run(0.2)
+    assert telling.told.board.verdict() == StoryVerdict()
+
+
+def walker(**distances: object) -> str:
+    properties = "".join(f'<Property name="{name}" value="{value}"/>' for name, value in distances.items())
+    body = WALKER.replace("</BoundingBox>", f"</BoundingBox><Properties>{properties}</Properties>")
+    return f'<ScenarioObject name="who">{body}</ScenarioObject>'
+
+
+WALKS = f'<Private entityRef="who">{teleport(at(60, -6, 1.5708))}{speed(1.5)}</Private>'
+
+
+def test_a_pedestrian_with_an_active_distance_waits_for_the_ego_and_ends_behind_its_way() -> None:
+    text = story(EGO, entities=walker(activeDistance=25, moveDistance=4)).replace("</Actions>", f"{WALKS}</Actions>")
+    telling = Telling(text)  # the ego begins at x = 20 with 10 m/s
+    telling.run(1.4)
+    assert (telling.y("who"), telling.speed("who")) == (-6.0, 0.0)
+    telling.run(0.6)
+    assert telling.speed("who") == 1.5
+    telling.run(4.0)
+    assert telling.y("who") == pytest.approx(-2.0, abs=1e-3)
+    assert telling.speed("who") == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_distance_of_a_pedestrian_that_is_none_is_told_with_its_line() -> None:
+    with pytest.raises(DocumentError, match=r"line \d+: moveDistance: expected a distance \[m\], got 'far'"):
+        scenario_of(story(EGO, entities=walker(moveDistance="far")))
+
+
+def test_lenient_starts_no_event_whose_trigger_is_refused_and_gives_no_verdict_for_it() -> None:
+    refused = by_value('<TimeOfDayCondition rule="greaterThan" dateTime="2026-01-01T00:00:00"/>')
+    text = story(
+        EGO,
+        group("Ego", event("go", speed(30), refused), event("both", speed(30), refused + after(0))),
+        end=f"<Evaluation><SuccessConditionGroup>{after(0)}{refused}</SuccessConditionGroup></Evaluation>",
+    )
+    telling = Telling(text, is_lenient=True)
+    telling.run(0.2)
+    assert telling.speed("Ego") == 10.0
+    assert telling.told.board.verdict() == StoryVerdict()
