@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import compress
 from typing import Final
 
 import numpy as np
@@ -18,8 +19,9 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
-from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, Kind, World
+from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Kind, World
 
 STORY: Final = "story"
 PROGRAM: Final = "program"
@@ -29,7 +31,14 @@ MODES: Final = frozenset({STORY, PROGRAM, DRIVER})
 STANDS: Final = 0.01
 """A lower speed counts as standing [m/s]."""
 
-_COLUMNS: Final = ("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "yaw_rate")
+STORY_STEP: Final = 0.05
+"""Length of a step of a story [s]: that of the runs of esmini and CARLA that files are written and checked with."""
+
+POSE: Final = ("x", "y", "z", "roll", "pitch", "yaw", "speed")
+"""Figures of an actor that change evenly within a step."""
+
+_COLUMNS: Final = (*POSE, "accel", "yaw_rate")
+_YAW: Final = POSE.index("yaw")
 
 
 @dataclass(slots=True)
@@ -41,15 +50,16 @@ class StoryActor:
         mode: what moves it: STORY, PROGRAM or DRIVER.
         lane, s, offset, turned: where it is on a lane, see `OnLane`.
         x, y, z, yaw, roll, pitch: where it is in the map frame [m, rad].
-        speed, way_speed: along its heading, and with which it moves in this frame [m/s].
+        speed, way_speed: along its heading, and with which it moves in this step [m/s].
         accel: [m/s^2].
         aside: speed to the left of its lane [m/s].
         travelled: way since the start [m].
         still, at_end, off_road: for how long it stands, is at the end of a road, is on no lane [s].
         route: rows of lanes that it takes where lanes fork.
         waiting: the speed that it will have when an ego is near; None if it does not wait [m/s].
-        is_placed: an action has placed it in this frame.
-        is_changing_lane: from the end of this frame on it follows the line of the lane that it is on then.
+        is_placed: an action has placed it in this step.
+        shown: its `POSE` at the begin of the step; empty unless the story moves it.
+        is_changing_lane: from the end of this step on it follows the line of the lane that it is on then.
     """
 
     uid: int = -1
@@ -75,6 +85,7 @@ class StoryActor:
     route: list[int] = field(default_factory=list)
     waiting: float | None = None
     is_placed: bool = False
+    shown: list[float] = field(default_factory=list)
     is_changing_lane: bool = False
 
     @property
@@ -94,11 +105,7 @@ class StoryActor:
 
 
 class Cast:
-    """The actors of a story in a world.
-
-    Attributes:
-        step: length of a frame [s].
-    """
+    """The actors of a story in a world."""
 
     def __init__(
         self,
@@ -106,20 +113,18 @@ class Cast:
         story_map: StoryMap,
         actors: Mapping[str, StoryActor],
         holds: Mapping[str, tuple[float, float]],
-        step: float = DT,
     ) -> None:
         """Take the actors.
 
         Args:
             holds: by name, how near an ego is when an actor begins to move, and its longest way; 0 for none [m].
-            step: length of a frame [s].
         """
         self.world = world
         self._holds = holds
-        self.step = step
         self.map = story_map
         self.actors = actors
-        self._before: dict[str, tuple[float, float]] = {}
+        self._offsets: dict[str, float] = {}
+        self._moved: tuple[list[StoryActor], FloatArray, FloatArray, FloatArray] | None = None
 
     def find(self, name: str) -> StoryActor:
         """Return an actor that is in the world.
@@ -167,8 +172,12 @@ class Cast:
         keep_lanes(self.world, [LaneStart(row, actor.lane, actor.s, max(actor.speed, STANDS), route, lateral=0.0)])
         actor.mode = DRIVER
 
-    def observe(self) -> None:
-        """Look where those actors are that the story does not move, and which of all stand still."""
+    def observe(self, later: float) -> None:
+        """Look where those actors are that the story does not move, and which of all stand still.
+
+        Args:
+            later: from the world's last frame to the step that begins; they go on until then [s].
+        """
         world = self.world
         for actor in self.actors.values():
             if actor.uid >= 0 and actor.uid not in world:
@@ -183,17 +192,20 @@ class Cast:
                     getattr(world, axis).item(row) for axis in ("yaw", "roll", "pitch")
                 )
                 actor.speed, actor.accel = world.speed.item(row), world.accel.item(row)
+                actor.x += later * actor.speed * math.cos(actor.yaw)
+                actor.y += later * actor.speed * math.sin(actor.yaw)
                 actor.travelled += math.hypot(actor.x - before[0], actor.y - before[1])
                 self.take_lane(actor)
-            actor.still = actor.still + self.step if abs(actor.speed) < STANDS else 0.0
+            actor.still = actor.still + STORY_STEP if abs(actor.speed) < STANDS else 0.0
             is_off = actor.lane < 0 or abs(actor.offset) > 0.5 * float(self.map.roads.width[actor.lane])
-            actor.off_road = actor.off_road + self.step if is_off else 0.0
+            actor.off_road = actor.off_road + STORY_STEP if is_off else 0.0
 
-    def begin_frame(self) -> None:
-        """Note speeds and offsets before the actions of a frame change them."""
-        self._before = {name: (actor.speed, actor.offset) for name, actor in self.actors.items()}
+    def begin_step(self) -> None:
+        """Note poses and offsets before the actions of a step change them."""
+        self._offsets = {name: actor.offset for name, actor in self.actors.items()}
         for name, actor in self.actors.items():
             actor.is_placed, actor.way_speed = False, None
+            actor.shown = _pose(actor) if actor.uid in self.world and actor.mode == STORY else []
             self._hold(name, actor)
 
     def _hold(self, name: str, actor: StoryActor) -> None:
@@ -206,26 +218,21 @@ class Cast:
             is_near = bool((away <= near).any())
             actor.speed, actor.waiting = (actor.waiting, None) if is_near else (0.0, actor.waiting)
         if way > 0.0:
-            actor.speed = min(actor.speed, max(way - actor.travelled, 0.0) / self.step)
+            actor.speed = min(actor.speed, max(way - actor.travelled, 0.0) / STORY_STEP)
 
     def move(self) -> None:
-        """Move all actors of the story by a frame, and write them into the world, within a step."""
-        moved = [
-            (name, actor) for name, actor in self.actors.items() if actor.uid in self.world and actor.mode == STORY
-        ]
-        if not moved:
-            return
-        straight = [(name, actor) for name, actor in moved if actor.lane < 0 or any(self._holds.get(name, ()))]
-        on_lanes = [each for each in moved if each not in straight and not each[1].is_placed]
+        """Move all actors of the story by a step."""
+        moved = [(name, actor) for name, actor in self.actors.items() if actor.shown]
+        free = {name for name, actor in moved if actor.lane < 0 or any(self._holds.get(name, ()))}
+        on_lanes = [(name, actor) for name, actor in moved if name not in free and not actor.is_placed]
         curvature = self._curvature([actor for _, actor in on_lanes])
         for name, actor in moved:
             self._hold(name, actor)
         for (name, actor), bend in zip(on_lanes, curvature, strict=True):
-            self._drive(actor, self._before[name][1], bend)
-        for _, actor in straight:
-            if not actor.is_placed:
+            self._drive(actor, self._offsets[name], bend)
+        for name, actor in moved:
+            if name in free and not actor.is_placed:
                 self._go_straight(actor)
-        before = {name: actor.yaw for name, actor in moved}
         self._set_down([actor for _, actor in on_lanes])
         for _, actor in on_lanes:
             if actor.is_changing_lane:
@@ -233,46 +240,59 @@ class Cast:
                 on = self.map.project(actor.place)
                 if on.lane >= 0 and math.cos(on.turned) > 0.0:
                     actor.lane, actor.s, actor.offset = on.lane, on.s, on.offset
-        rates = [math.remainder(actor.yaw - before[name], math.tau) / self.step for name, actor in moved]
-        for name, actor in moved:
-            actor.accel = (actor.speed - self._before[name][0]) / self.step
-        rows = np.array([self.world.row(actor.uid) for _, actor in moved])
-        values = np.array(
-            [
-                [actor.x, actor.y, actor.z, actor.roll, actor.pitch, actor.yaw, actor.speed, actor.accel, rate]
-                for (_, actor), rate in zip(moved, rates, strict=True)
-            ]
-        ).T
-        values[:3] = np.clip(values[:3], -MAX_COORDINATE, MAX_COORDINATE)
-        show_ghosts(self.world, rows, _COLUMNS, values)
+        for _, actor in moved:
+            actor.x, actor.y, actor.z = (max(-MAX_COORDINATE, min(MAX_COORDINATE, each)) for each in _pose(actor)[:3])
+            actor.accel = (actor.speed - actor.shown[-1]) / STORY_STEP
+        self._moved = None
+
+    def show_between(self, share: float) -> None:
+        """Write the actors of the story into the world, within the world's step.
+
+        Args:
+            share: of the story's step that is over at the end of the world's.
+        """
+        if self._moved is None:
+            moved = [actor for actor in self.actors.values() if actor.shown]
+            begin = np.array([actor.shown for actor in moved]).reshape(-1, len(POSE)).T
+            change = np.array([_pose(actor) for actor in moved]).reshape(-1, len(POSE)).T - begin
+            change[_YAW] = np.remainder(change[_YAW] + math.pi, math.tau) - math.pi
+            rates = np.array([[actor.accel for actor in moved], change[_YAW] / STORY_STEP])
+            self._moved = moved, begin, change, rates
+        moved, begin, change, rates = self._moved
+        is_there = [actor.uid in self.world and actor.mode == STORY for actor in moved]
+        if any(is_there):
+            rows = np.array([self.world.row(actor.uid) for actor in compress(moved, is_there)])
+            show_ghosts(
+                self.world, rows, _COLUMNS, np.concatenate([begin + share * change, rates])[:, np.array(is_there)]
+            )
 
     def _drive(self, actor: StoryActor, offset: float, curvature: float) -> None:
         """Move an actor along its lane.
 
         Args:
-            offset: before the actions of the frame.
+            offset: before the actions of the step.
             curvature: of its lane [1/m].
         """
-        way = (actor.speed if actor.way_speed is None else actor.way_speed) * self.step
+        way = (actor.speed if actor.way_speed is None else actor.way_speed) * STORY_STEP
         aside = actor.offset - offset
         along = math.copysign(math.sqrt(max(way * way - aside * aside, 0.0)), way)
         stretch = max(1.0 - curvature * actor.offset, 0.1)
         on, left = self.map.move(actor.on_lane, actor.direction * along / stretch, actor.route)
         if left or (actor.at_end and not way):
-            actor.at_end += self.step
+            actor.at_end += STORY_STEP * (abs(left / along) if left and along else 1.0)
             actor.speed = 0.0
         else:
             actor.at_end = 0.0
         actor.travelled += max(abs(way) - abs(left), 0.0)
         actor.lane, actor.s = on.lane, on.s
-        actor.aside = aside / self.step
+        actor.aside = aside / STORY_STEP
         base = math.pi if actor.direction < 0.0 else 0.0
         if way:
             actor.turned = math.remainder(base + actor.direction * math.atan2(aside, abs(along)), math.tau)
 
     def _go_straight(self, actor: StoryActor) -> None:
         """Move an actor along its heading."""
-        way = actor.speed * self.step
+        way = actor.speed * STORY_STEP
         actor.x += way * math.cos(actor.yaw)
         actor.y += way * math.sin(actor.yaw)
         actor.travelled += abs(way)
@@ -309,3 +329,8 @@ class Cast:
             actor.yaw = math.remainder(yaw + actor.turned, math.tau)
             actor.pitch = -math.atan(float(climb)) * actor.direction
             actor.roll = 0.0
+
+
+def _pose(actor: StoryActor) -> list[float]:
+    """Return the `POSE` of an actor."""
+    return [actor.x, actor.y, actor.z, actor.roll, actor.pitch, actor.yaw, actor.speed]

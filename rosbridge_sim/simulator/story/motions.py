@@ -11,31 +11,39 @@ allows: it takes longer then, as in esmini.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from operator import itemgetter
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
-from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, Cast, StoryActor
+from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, Cast, StoryActor
 from rosbridge_sim.simulator.story.measures import Measures
 from rosbridge_sim.world.state.world import MAX_SPEED, Body
 
 LATERAL_ACCEL: Final = 0.5
 """Greatest lateral acceleration of a change of the offset that gives none [m/s^2]: an unhurried lane change."""
 
-SPRING: Final = 1.2
-DAMPING: Final = 2.0 * math.sqrt(SPRING)
-"""Spring [1/s^2] and damper [1/s] that keep a distance: critically damped. The spring is that of esmini's logs."""
+SPRING: Final = 0.4
+"""Spring that keeps a distance, as a share of the greatest acceleration [1/m]: that of esmini's logs. The damping is
+critical."""
 
-SPRING_ASIDE: Final = 2.2
-"""The same spring for distances to the side, whose acceleration is limited [1/s^2]."""
+DEFAULT_ACCEL: Final = 3.0
+"""Greatest acceleration for the spring where none is given [m/s^2]."""
+
+MAX_PULL: Final = 100.0
+"""Greatest acceleration for the spring; steps of the story cannot follow a stiffer one [m/s^2]."""
 
 NEAR: Final = 0.05
 """A distance is reached within this [m]."""
+
+SOON: Final = 1e-3
+"""Least time of a change of speed in a profile [s]."""
 
 NO_LIMIT: Final = 1e9
 
@@ -51,7 +59,8 @@ class Running:
         number: of the action's part of the storyboard; negative for those of `Init`.
         entity: name of the actor.
         numbers: what it remembers, by name.
-        points: of a trajectory: x, y, z [m], yaw [rad], time [s] and way from the start [m] of each vertex.
+        points: of a trajectory: x, y, z [m], yaw [rad], time [s] and way from the start [m] of each vertex; of a
+            profile of speeds, see `_begin_profile`.
     """
 
     number: int
@@ -66,14 +75,12 @@ class Stage(Record, eq=False):
     Attributes:
         bodies: of the actors, by name.
         time: since the start of the story [s].
-        step: length of a frame [s].
     """
 
     cast: Cast
     measures: Measures
     bodies: Mapping[str, Body]
     time: Callable[[], float]
-    step: float
 
 
 Begin = Callable[[Stage, StoryItem, StoryActor, Running], bool]
@@ -175,7 +182,7 @@ def _bounded(speed: float) -> float:
 def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     memo, target = running.numbers, item.part("SpeedActionTarget").part()
     is_continuous = target.get("continuous", False)
-    memo["at"] += stage.step
+    memo["at"] += STORY_STEP
     if is_continuous:
         memo["to"] = _speed_goal(stage, item)
     share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
@@ -184,29 +191,62 @@ def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Ru
     return share >= 1.0 and not is_continuous
 
 
-def _begin_profile(_: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    entries = item.all("SpeedProfileEntry")
-    running.numbers = {"at": 0.0, "entry": 0.0, "from": actor.speed, "accel": 0.0}
-    return not entries or actor.mode == PROGRAM
+def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Plan the speeds: points are time [s], speed [m/s] and acceleration [m/s^2] of the knots, and zeros."""
+    speed, time, lines = actor.speed, 0.0, []
+    limits, is_exact = item.find("DynamicConstraints"), item["followingMode"] == "position"
+    up, down = (
+        NO_LIMIT if is_exact or limits is None else limits.get(key, NO_LIMIT)
+        for key in ("maxAccelerationRate", "maxDecelerationRate")
+    )
+    for entry in item.all("SpeedProfileEntry"):
+        change, length = _bounded(entry["speed"]) - speed, entry.get("time", -1.0)
+        if length < 0.0 or not is_exact:
+            # Within the limits; the other root is the greatest acceleration that both rates leave time for.
+            most = max(math.sqrt(2.0 * abs(change) * up * down / max(up + down, 1e-9)), 1e-3)
+            length = max(length, _fastest(stage, item, running, change), abs(change) / most)
+        length = max(length, SOON if change else 0.0)
+        lines.append((time, speed, change / length if length else 0.0))
+        time, speed = time + length, speed + change
+    running.points = [(*knot, 0.0, 0.0, 0.0) for knot in _knots(actor.speed, [*lines, (time, speed, 0.0)], up, down)]
+    running.numbers = {"at": 0.0}
+    return not lines or actor.mode == PROGRAM
 
 
-def _advance_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    """Follow the entries: by time exactly (`position`), or no faster than the limits allow (`follow`)."""
-    memo, entries = running.numbers, item.all("SpeedProfileEntry")
-    left = stage.step
-    while left > 0.0 and (row := int(memo["entry"])) < len(entries):
-        goal, length = entries[row]["speed"], entries[row].get("time", -1.0)
-        change = goal - memo["from"]
-        if item["followingMode"] == "follow" or length < 0.0:
-            length = max(length, _fastest(stage, item, running, change))
-        if memo["at"] + left < length:
-            memo["at"] += left
-            actor.speed = memo["from"] + change * memo["at"] / length
-            return False
-        left -= max(length - memo["at"], 0.0)
-        memo["at"], memo["from"], actor.speed = 0.0, goal, goal
-        memo["entry"] += 1.0
-    return int(memo["entry"]) >= len(entries)
+def _knots(speed: float, lines: Sequence[tuple[float, ...]], up: float, down: float) -> list[tuple[float, ...]]:
+    """Return times, speeds and accelerations between which accelerations change evenly.
+
+    A change of the acceleration lies around the time at which the line of speeds that is left meets the next one, or
+    behind the change before it.
+
+    Args:
+        lines: time and speed of their begins, and accelerations.
+        up, down: how fast accelerations may rise and fall [m/s^3].
+    """
+    knots = [(0.0, speed, 0.0)]
+    for start, at_start, slope in lines:
+        time, speed, accel = knots[-1]
+        if slope == accel:
+            continue
+        length = abs(slope - accel) / max(up if slope > accel else down, 1e-3)
+        meets = (at_start + slope * (time - start) - speed) / (accel - slope)
+        wait = max(meets - 0.5 * length, 0.0)
+        speed += accel * wait
+        knots += [(time + wait, speed, accel), (time + wait + length, speed + 0.5 * (accel + slope) * length, slope)]
+    return [*knots, (knots[-1][0], lines[-1][1], 0.0)]
+
+
+def _advance_profile(_stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    at = running.numbers["at"] = running.numbers["at"] + STORY_STEP
+    row = bisect_right(running.points, at, key=itemgetter(0)) - 1
+    time, speed, accel = running.points[row][:3]
+    if row + 1 >= len(running.points):
+        actor.speed = speed
+        return True
+    later, _, goal = running.points[row + 1][:3]
+    since = at - time
+    actor.speed = _bounded(speed + accel * since + 0.5 * (goal - accel) * since * since / max(later - time, 1e-9))
+    return False
 
 
 def _fastest(stage: Stage, item: StoryItem, running: Running, change: float) -> float:
@@ -259,14 +299,14 @@ def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
         return False
     reference = stage.cast.find(item["entityRef"])
     error = _gap_error(stage, item, running)
-    accel = SPRING * error + DAMPING * (reference.speed - actor.speed)
+    spring = SPRING * min(limits.get("maxAcceleration", DEFAULT_ACCEL), MAX_PULL)
+    accel = spring * error + 2.0 * math.sqrt(spring) * (reference.speed - actor.speed)
     accel = max(-limits.get("maxDeceleration", NO_LIMIT), min(limits.get("maxAcceleration", NO_LIMIT), accel))
     before = running.numbers["accel"]
-    up, down = (limits.get(key, NO_LIMIT) * stage.step for key in ("maxAccelerationRate", "maxDecelerationRate"))
-    if accel > 0.0:  # brakes may be released at any rate, as in esmini
-        accel = min(before + up, accel)
-    accel = running.numbers["accel"] = max(before - down, accel)
-    actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * stage.step)))
+    up, down = (limits.get(key, NO_LIMIT) * STORY_STEP for key in ("maxAccelerationRate", "maxDecelerationRate"))
+    # Brakes and throttle may be released at any rate, as in esmini.
+    accel = running.numbers["accel"] = min(before + up, accel) if accel > 0.0 else max(before - down, accel)
+    actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * STORY_STEP)))
     is_there = abs(error) < NEAR and abs(reference.speed - actor.speed) < NEAR
     return is_there and not item["continuous"]
 
@@ -288,13 +328,13 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     fastest = NO_LIMIT if limits is None else limits.get("maxSpeed", NO_LIMIT)
     most = NO_LIMIT if limits is None else limits.get("maxAcceleration", NO_LIMIT)
     if most < NO_LIMIT:
-        damping = 2.0 * math.sqrt(SPRING_ASIDE)
-        accel = max(-most, min(most, SPRING_ASIDE * error - damping * running.numbers["rate"]))
-        rate = running.numbers["rate"] + accel * stage.step
+        spring = SPRING * min(most, MAX_PULL)
+        accel = max(-most, min(most, spring * error - 2.0 * math.sqrt(spring) * running.numbers["rate"]))
+        rate = running.numbers["rate"] + accel * STORY_STEP
     else:
-        rate = error / stage.step
+        rate = error / STORY_STEP
     rate = running.numbers["rate"] = max(-fastest, min(fastest, rate))
-    actor.offset += actor.direction * rate * stage.step
+    actor.offset += actor.direction * rate * STORY_STEP
     return abs(error) < NEAR and not item["continuous"]
 
 
@@ -330,17 +370,17 @@ def _number(text: str) -> int:
         raise DocumentError(f"value: expected the number of a lane, got {text[:40]!r}") from None
 
 
-def _shift(stage: Stage, actor: StoryActor, running: Running, shape: str) -> bool:
+def _shift(actor: StoryActor, running: Running, shape: str) -> bool:
     """Go on with a change of the offset; return whether it is done."""
     memo = running.numbers
-    memo["at"] += stage.step
+    memo["at"] += STORY_STEP
     share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
     actor.offset = memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share)
     return share >= 1.0
 
 
-def _advance_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    if not _shift(stage, actor, running, item.part("LaneChangeActionDynamics")["dynamicsShape"]):
+def _advance_change(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    if not _shift(actor, running, item.part("LaneChangeActionDynamics")["dynamicsShape"]):
         return False
     actor.is_changing_lane = running.numbers["lane"] >= 0.0
     return True
@@ -362,10 +402,8 @@ def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     return False
 
 
-def _advance_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    return (
-        _shift(stage, actor, running, item.part("LaneOffsetActionDynamics")["dynamicsShape"]) and not item["continuous"]
-    )
+def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    return _shift(actor, running, item.part("LaneOffsetActionDynamics")["dynamicsShape"]) and not item["continuous"]
 
 
 # Trajectories
@@ -407,9 +445,9 @@ def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, runni
     memo, points = running.numbers, running.points
     key = 4 if memo["timed"] else 5
     if memo["timed"]:
-        at = stage.time() + stage.step - memo["start"]
+        at = stage.time() + STORY_STEP - memo["start"]
     else:
-        at = memo["way"] = memo["way"] + abs(actor.speed) * stage.step
+        at = memo["way"] = memo["way"] + abs(actor.speed) * STORY_STEP
     if memo["timed"] and at < points[0][key]:
         return False  # it drives on by itself until then
     row = next((i for i, point in enumerate(points[1:]) if at < point[key]), len(points) - 2)
@@ -492,7 +530,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     own, other = (MapPlace(*point[:4]) for point in running.points[:2])
     way = stage.measures.way_to(running.entity, own)
     time = stage.measures.way_to(item["masterEntityRef"], other) / max(master.speed, 1e-6)
-    if time <= stage.step or way <= NEAR + item.get("targetTolerance", 0.0):
+    if time <= STORY_STEP or way <= NEAR + item.get("targetTolerance", 0.0):
         return True
     final = item.find("FinalSpeed")
     if final is None:
@@ -501,7 +539,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
         accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * _final(final.part(), master.speed)) / time
     body = stage.bodies[running.entity]
     accel = max(-(body.max_decel or NO_LIMIT), min(body.max_accel or NO_LIMIT, accel))
-    actor.speed = max(0.0, _bounded(actor.speed + accel * stage.step))
+    actor.speed = max(0.0, _bounded(actor.speed + accel * STORY_STEP))
     return False
 
 
@@ -521,7 +559,7 @@ _LAT: Final = ("lateral",)
 
 MOTIONS: Final[Mapping[str, StoryMotion]] = {
     "SpeedAction": StoryMotion(_LONG, _begin_speed, _advance_speed, _CHANGE),
-    "SpeedProfileAction": StoryMotion(_LONG, _begin_profile, _advance_profile, ("at", "entry", "from", "accel")),
+    "SpeedProfileAction": StoryMotion(_LONG, _begin_profile, _advance_profile, ("at",), 1),
     "LongitudinalDistanceAction": StoryMotion(_LONG, _begin_gap, _advance_gap, ("accel",)),
     "SynchronizeAction": StoryMotion(_LONG, _begin_sync, _advance_sync, ("accel",), 2),
     "LaneChangeAction": StoryMotion(_LAT, _begin_change, _advance_change, (*_CHANGE, "lane")),

@@ -1,12 +1,14 @@
 """A story that is told in a world: its storyboard, its actors and the actions that go on.
 
-Behind each frame the triggers are looked at, and actions begin or end (`tell`); within the next step they move the
-actors (`move`). All that lasts is in `StoryState`, which is plain data.
+A story has steps of its own, of `STORY_STEP`. At the begin of each one, behind a frame, the triggers are looked at,
+actions begin or end, and they move the actors to the end of the step (`tell`). Each frame shows the actors where they
+are between both ends (`move`). All that lasts is in `StoryState`, which is plain data.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Final
@@ -21,7 +23,7 @@ from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboa
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES
-from rosbridge_sim.simulator.story.cast import DRIVER, MODES, PROGRAM, STORY, Cast, StoryActor
+from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STORY, STORY_STEP, Cast, StoryActor
 from rosbridge_sim.simulator.story.conditions import StoryView, measure
 from rosbridge_sim.simulator.story.measures import Measures
 from rosbridge_sim.simulator.story.motions import MOTIONS, Running, Stage
@@ -35,6 +37,9 @@ _WRAPPERS: Final = frozenset({"PrivateAction", "LongitudinalAction", "LateralAct
 _LAMPS: Final = {2: (Lamp.RED, Lamp.GREEN), 3: (Lamp.RED, Lamp.YELLOW, Lamp.GREEN)}
 _COLOURS: Final = {"red": Lamp.RED, "yellow": Lamp.YELLOW, "green": Lamp.GREEN, "off": 0}
 
+SAME_TIME: Final = 1e-6
+"""Times that differ by less, in steps, are the same."""
+
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
@@ -44,6 +49,7 @@ class StoryState:
 
     Attributes:
         start: frame of the world at which it began.
+        step: number of the present step, from 0.
         actors: by name.
         board: of its storyboard.
         running: actions that go on, in the order of their begin.
@@ -52,6 +58,7 @@ class StoryState:
     """
 
     start: int
+    step: int
     actors: dict[str, StoryActor]
     board: BoardState
     running: list[Running] = field(default_factory=list)
@@ -68,17 +75,13 @@ class ToldStory:
         state: all that changes.
     """
 
-    def __init__(
-        self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap, step: float = DT
-    ) -> None:
+    def __init__(self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap) -> None:
         """Take the actors that are in the world, and begin nothing yet.
 
         Args:
             spawns: of all its entities, placed or not.
-            step: length of a frame [s]; another one than the world's is for comparisons with other programs.
         """
         self.story = story
-        self._step = step
         self._scene, self._world = scene, scene.world
         self._spawns = {spawn.name: spawn for spawn in spawns}
         self._told: set[str] = set()
@@ -88,12 +91,12 @@ class ToldStory:
             for each in story.init.parts
             for action in (each.parts if each.kind == "Private" else [each])
         ]
-        self.board = Storyboard(story.storyboard, step, story.evaluation)
+        self.board = Storyboard(story.storyboard, STORY_STEP, story.evaluation)
         actors = {name: StoryActor(mode=self._mode_of(name)) for name in story.entities}
         for name, (near, _) in story.holds.items():
             actors[name].waiting = 0.0 if near else None
         values = {**story.parameters, **story.variables}
-        self.state = StoryState(self._world.frame, actors, self.board.state, values=values)
+        self.state = StoryState(self._world.frame, 0, actors, self.board.state, values=values)
         self._map = story_map
         self._use_state()
         self._link()
@@ -106,9 +109,9 @@ class ToldStory:
         state = self.state
         self.board.state = state.board
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
-        self._cast = Cast(self._world, self._map, state.actors, self.story.holds, self._step)
+        self._cast = Cast(self._world, self._map, state.actors, self.story.holds)
         measures = Measures(self._cast, bodies)
-        self._stage = Stage(self._cast, measures, bodies, self.time, self._step)
+        self._stage = Stage(self._cast, measures, bodies, self.time)
         self._looks = StoryView(self._cast, measures, self.board, state.values, self._shows, self.time)
 
     def _link(self) -> None:
@@ -126,8 +129,8 @@ class ToldStory:
             self._cast.take_lane(actor)
 
     def time(self) -> float:
-        """Return the time since the start [s]."""
-        return (self._world.frame - self.state.start) * self._step
+        """Return the time from the start to the begin of the present step [s]."""
+        return self.state.step * STORY_STEP
 
     def open(self) -> None:
         """Carry out the actions of `Init`, and look at the triggers for the first time."""
@@ -143,35 +146,44 @@ class ToldStory:
         self._advance()
 
     def _advance(self) -> None:
-        self.board.advance(self._frame, self)
+        """Look at all triggers, begin the actions of the events that they start, and move the actors by a step."""
+        self.board.advance(self.state.step, self)
         begun, self._begun = self._begun, []
         for number in begun:
             actors = self.board.parts[self._group_of(number)].item.part("Actors")
             self._begin(number, self.board.parts[number].item.part(), [each["entityRef"] for each in actors.parts])
+        self._move_actors()
 
     def _group_of(self, number: int) -> int:
         while self.board.parts[number].kind != "ManeuverGroup":
             number = self.board.parts[number].parent
         return number
 
-    @property
-    def _frame(self) -> int:
-        return self._world.frame - self.state.start
+    def _steps(self) -> float:
+        """Return the steps from the start to the end of the world's next frame."""
+        return (self._world.frame + 1 - self.state.start) * DT / STORY_STEP
 
     def tell(self) -> None:
-        """Look at all triggers, behind a frame, and then begin the actions of the events that they start."""
-        self._cast.observe()
-        self._advance()
+        """Begin the next step, behind a frame, if the next frame ends in it."""
+        step = math.ceil(self._steps() - SAME_TIME) - 1
+        if step > self.state.step:
+            self.state.step = step
+            self._cast.observe(self.time() - (self._world.frame - self.state.start) * DT)
+            self._advance()
         for name, text in self.state.lights.items():
             if self._row_of_light(name) is not None:
                 self._light(name, text)
 
     def move(self) -> None:
-        """Move the actors by a frame, within a step.
+        """Show the actors where they are at the end of a frame, within the world's step."""
+        self._cast.show_between(min(self._steps() - self.state.step, 1.0))
+
+    def _move_actors(self) -> None:
+        """Move the actors by a step of the story.
 
         Actions act in the order of the file. A lateral one moves its actor with the speed that it finds, as in esmini.
         """
-        self._cast.begin_frame()
+        self._cast.begin_step()
         state = self.state
         for running in sorted(state.running, key=lambda each: each.number):
             item, actor = self._item_of(running.number), state.actors[running.entity]
@@ -350,6 +362,7 @@ class ToldStory:
             list(state.actors) == list(self.story.entities)
             and self.board.fits(state.board)
             and 0 <= state.start <= world.frame
+            and 0 <= state.step < (world.frame + 1 - state.start) * DT / STORY_STEP
             and len(uids) == len(set(uids))
             and all(uid in world for uid in uids)
             and state.values.keys() == self.state.values.keys()
@@ -357,7 +370,8 @@ class ToldStory:
                 actor.mode in MODES
                 and -1 <= actor.lane < len(self._map.roads)
                 and 0.0 <= actor.s <= (self._map.roads.length[actor.lane] if actor.lane >= 0 else 0.0)
-                and max(map(abs, (actor.x, actor.y, actor.z, actor.offset))) <= MAX_COORDINATE
+                and max(map(abs, (actor.x, actor.y, actor.z, actor.offset, *actor.shown[:3]))) <= MAX_COORDINATE
+                and len(actor.shown) in {0, len(POSE)}
                 and max(abs(actor.speed), abs(actor.way_speed or 0.0)) <= MAX_SPEED
                 and all(0 <= lane < len(self._map.roads) for lane in actor.route)
                 for actor in state.actors.values()

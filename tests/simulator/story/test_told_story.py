@@ -11,6 +11,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.openscenario.storyboard import StoryVerdict
 from rosbridge_sim.simulator.story.motions import shape_at
+from rosbridge_sim.world.state.placement import place_ghost
 from tests.simulator.story.story_texts import (
     WALKER,
     Telling,
@@ -98,8 +99,8 @@ def test_a_change_of_speed_by_time_takes_the_way_of_its_mean_speed() -> None:
     telling.run(4.02)
     assert telling.speed("Car") == 8.0
     assert telling.x("Car") - 60.0 == pytest.approx(
-        16.0 + 0.02 * 8.0 + 0.01 * 8.0
-    )  # speeds are those at the ends of frames
+        16.0 + 0.02 * 8.0 + 0.025 * 8.0
+    )  # speeds are those at ends of steps
 
 
 def test_a_change_of_speed_is_no_faster_than_the_performance() -> None:
@@ -123,9 +124,9 @@ def test_a_relative_speed_that_is_continuous_follows() -> None:
 def test_a_lane_change_has_its_shape_and_ends_in_the_middle_of_the_lane(shape: str) -> None:
     change = lane_change('<RelativeTargetLane entityRef="Car" value="1"/>', shape, "time", 2.0)
     telling = Telling(story(with_car(), group("Car", event("change", change, after(0)))))
-    for frame in range(1, 100):
-        telling.run(0.02)
-        assert telling.y("Car") == pytest.approx(3.5 * shape_at(shape, frame / 100.0), abs=1e-9)
+    for tenth in range(1, 20):
+        telling.run(0.1)
+        assert telling.y("Car") == pytest.approx(3.5 * shape_at(shape, tenth / 20.0), abs=1e-9)
     telling.run(0.1)
     actor = telling.told.state.actors["Car"]
     assert telling.world.roads.ids[actor.lane] == "left"
@@ -157,11 +158,11 @@ def test_an_offset_is_reached_with_the_given_acceleration() -> None:
     )
     telling = Telling(story(with_car(), group("Car", event("aside", offset, after(0)))))
     ys = []
-    for _ in range(150):
-        telling.run(0.02)
+    for _ in range(30):
+        telling.run(0.1)
         ys.append(telling.y("Car"))
     assert ys[-1] == -1.0
-    assert np.abs(np.diff(ys, 2)).max() / 0.02**2 == pytest.approx(1.0, abs=0.02)
+    assert np.abs(np.diff(ys, 2)).max() / 0.1**2 == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_trajectory_with_times_is_where_its_vertices_say() -> None:
@@ -208,6 +209,25 @@ def test_a_gap_is_reached_and_kept() -> None:
     assert telling.speed("Ego") == pytest.approx(10.0, abs=0.05)
 
 
+def test_a_gap_is_reached_within_the_rates_of_acceleration() -> None:
+    keep = longitudinal(
+        '<LongitudinalDistanceAction entityRef="Car" continuous="true" freespace="false" timeGap="2">'
+        '<DynamicConstraints maxAcceleration="3" maxDeceleration="3" maxAccelerationRate="1" maxDecelerationRate="2"/>'
+        "</LongitudinalDistanceAction>"
+    )
+    telling = Telling(story(with_car(), group("Ego", event("keep", keep, after(0)))))
+    speeds = [10.0]
+    for _ in range(100):
+        telling.run(0.1)
+        speeds.append(telling.speed("Ego"))
+    accels = np.diff(speeds) / 0.1
+    rates = np.diff(accels) / 0.1
+    assert rates[accels[1:] > 0.05].max() <= 1.0 + 1e-9  # the throttle is opened at this rate
+    assert rates[accels[1:] < -0.05].min() >= -2.0 - 1e-9  # and the brakes at this one
+    assert accels.min() < -0.2
+    assert telling.x("Car") - telling.x("Ego") == pytest.approx(20.0, abs=3.0)
+
+
 def test_a_gap_without_limits_is_there_at_once() -> None:
     lead = longitudinal(
         '<LongitudinalDistanceAction entityRef="Ego" continuous="false" freespace="true" timeGap="2"'
@@ -225,11 +245,11 @@ def test_a_distance_to_the_side_is_kept_within_the_limits() -> None:
     )
     telling = Telling(story(with_car(20.0, lane="left"), group("Car", event("keep", keep, after(0)))))
     ys = [telling.y("Car")]
-    for _ in range(200):
-        telling.run(0.02)
+    for _ in range(70):
+        telling.run(0.1)
         ys.append(telling.y("Car"))
     assert ys[-1] == pytest.approx(2.5, abs=0.03)  # two cars of 2 m, and 0.5 m between them
-    assert np.abs(np.diff(ys)).max() <= 1.0 * 0.02 + 1e-9
+    assert np.abs(np.diff(ys)).max() <= 1.0 * 0.1 + 1e-9
 
 
 def test_synchronized_cars_arrive_together() -> None:
@@ -255,7 +275,59 @@ def test_a_speed_profile_goes_through_its_entries() -> None:
     assert telling.speed("Car") == pytest.approx(7.0)
     telling.run(1.1)
     assert telling.speed("Car") == 4.0
-    assert telling.x("Car") - 60.0 == pytest.approx(10.0 + 14.0 + 0.1 * 4.0 + 0.01 * 4.0)
+    assert telling.x("Car") - 60.0 == pytest.approx(10.0 + 14.0 + 0.1 * 4.0 + 0.025 * 4.0)
+
+
+def test_a_speed_profile_that_follows_keeps_the_rates_of_acceleration() -> None:
+    limits = '<DynamicConstraints maxAcceleration="5" maxAccelerationRate="4" maxDecelerationRate="2"/>'
+    entries = limits + '<SpeedProfileEntry time="4" speed="8"/><SpeedProfileEntry time="4" speed="4"/>'
+    profile = longitudinal(f'<SpeedProfileAction followingMode="follow">{entries}</SpeedProfileAction>')
+    telling = Telling(story(with_car(v=0), group("Car", event("profile", profile, after(0)))))
+    speeds = [0.0]
+    for _ in range(90):
+        telling.run(0.1)
+        speeds.append(telling.speed("Car"))
+    assert speeds[5] == pytest.approx(1.0 * 0.5)  # 4 m/s^3 for 0.5 s, to 2 m/s^2
+    assert speeds[20] == pytest.approx(2.0 * 2.0 - 0.5)
+    assert speeds[60] == pytest.approx(8.0 - 2.0)  # on the line of the second entry, behind a bend of 1.5 s
+    assert speeds[-1] == 4.0
+    rates = np.diff(speeds, 2) / 0.1**2
+    assert (rates.min(), rates.max()) == pytest.approx((-2.0, 4.0), abs=0.05)
+
+
+def test_a_short_change_within_rates_does_not_overshoot() -> None:
+    limits = '<DynamicConstraints maxAccelerationRate="1" maxDecelerationRate="1"/>'
+    entries = f'{limits}<SpeedProfileEntry time="0.1" speed="11"/>'
+    profile = longitudinal(f'<SpeedProfileAction followingMode="follow">{entries}</SpeedProfileAction>')
+    telling = Telling(story(with_car(), group("Car", event("profile", profile, after(0)))))
+    speeds = []
+    for _ in range(30):
+        telling.run(0.1)
+        speeds.append(telling.speed("Car"))
+    assert speeds[9] == pytest.approx(10.5)  # 1 m/s^3 for 1 s, up and down again
+    assert max(speeds) == speeds[-1] == pytest.approx(11.0)
+
+
+def test_between_steps_of_the_story_frames_show_the_way_evenly() -> None:
+    telling = Telling(story({**EGO, "Car": teleport(at(60, 3.5, math.pi)) + speed(5)}))
+    xs = []
+    for _ in range(20):
+        telling.run(0.02)
+        xs.append(telling.x("Car"))
+    assert np.diff(xs) == pytest.approx(-5.0 * 0.02)
+
+
+def test_triggers_see_an_ego_of_the_program_where_it_is_at_the_step() -> None:
+    there = by_entity("Ego", '<TraveledDistanceCondition value="2.45"/>')
+    telling = Telling(story(with_car(), group("Car", event("go", speed(3), there))), drives_ego=False)
+    for _ in range(50):
+        row = telling.row("Ego")
+        place_ghost(telling.world, row, x=telling.x("Ego") + 0.2, y=0.0, z=0.0, yaw=0.0, speed=10.0)
+        telling.run(0.02)
+        if telling.began("Event", "go"):
+            break
+    assert telling.told.time() == pytest.approx(0.25)
+    assert telling.told.state.actors["Ego"].x == pytest.approx(20.0 + 2.5)
 
 
 def test_entities_are_added_and_deleted() -> None:
@@ -333,7 +405,7 @@ def test_at_the_end_of_the_road_an_actor_stays() -> None:
     ends = by_entity("Ego", '<EndOfRoadCondition duration="1"/>', edge="rising")
     back = event("back", teleport(link("left", 10)), ends)
     telling = Telling(story({"Ego": teleport(link("left", 990)) + speed(10)}, group("Ego", back)))
-    telling.run(1.8)
+    telling.run(1.9)
     assert telling.x("Ego") == 1000.0
     telling.run(0.4)
     assert telling.x("Ego") == pytest.approx(11.0, abs=1.5)
@@ -464,7 +536,7 @@ def test_an_evaluation_gives_a_verdict() -> None:
     assert board.verdict() == verdict  # although the group of failure holds now
     assert (verdict.result, verdict.group) == ("success", "SuccessConditionGroup 1")
     assert verdict.time == pytest.approx(2.0, abs=0.03)
-    assert re.fullmatch(r"story.xosc: line \d+: TraveledDistanceCondition 'c' \(20.2\)", verdict.reason)
+    assert re.fullmatch(r"story.xosc: line \d+: TraveledDistanceCondition 'c' \(20\)", verdict.reason)
 
 
 def test_of_two_verdicts_in_one_frame_failure_counts() -> None:
