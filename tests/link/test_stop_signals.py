@@ -128,7 +128,10 @@ def test_closed_terminal_leaves_a_readable_recording(
 
 STUCK = """
 import asyncio, os, sys, time
+from rosbridge_sim.link import stop_signals
 from rosbridge_sim.link.stop_signals import on_stop_signals
+
+stop_signals.HURRY = 3600.0  # it is the third signal that ends this process
 
 async def main():
     def stop(number):
