@@ -1,6 +1,7 @@
 """Cost of one step of the world: microseconds, and vehicle-steps a second, compared with a lower bound.
 
-    python scripts/bench/step.py [--rounds N] [--sizes 10,100,1000,10000]
+    python scripts/bench/step.py [--rounds N] [--sizes 10,100,1000,10000] [--cases town,demo]
+    python scripts/bench/step.py --against CHECKOUT [--pairs N] [--sizes 1,20,100] [--cases town]
 
 The floor is the smallest vectorised single-track model: five lines of numpy on whole arrays (Euler, no limits, gears,
 pedals or drag, a fixed population). All cases take turns within one run, so that a busy machine affects all of them
@@ -26,10 +27,12 @@ from pathlib import Path
 
 import numpy as np
 
-from rosbridge_sim.records import replace
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from scripts.bench import in_turn
+
+# isort: split
+from rosbridge_sim.records import replace
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import DECISION
@@ -246,17 +249,35 @@ def measure(cases: dict[str, tuple[Callable[[], None], int]], rounds: int) -> di
     return {name: np.array(values) for name, values in times.items()}
 
 
+MAKERS: dict[str, Callable[[int], World]] = {
+    "driven": driven,
+    "tyres": tyres,
+    "mixed": mixed,
+    "straight": straight,
+    "paths": paths,
+    "town": town,
+    "demo": demo,
+}
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="cost of one step of the world")
     parser.add_argument("--rounds", type=int, default=60)
     parser.add_argument("--sizes", default="10,100,1000,10000")
-    arguments = parser.parse_args()
+    parser.add_argument("--cases", default=",".join(MAKERS), help="[%(default)s]")
+    arguments = in_turn.parse(parser)
+    sizes, names = [int(num) for num in arguments.sizes.split(",")], arguments.cases.split(",")
+    if in_turn.run(
+        arguments,
+        {f"{name}, {num}": lambda name=name, num=num: stepper(MAKERS[name](num)) for name in names for num in sizes},  # type: ignore[misc]
+        "step",
+    ):
+        return
+    print(in_turn.reference_line())
     print(f"{'case':10}{'n':>7}{'p50 us':>10}{'p99 us':>10}{'best us':>10}{'million/s':>11}{'x floor':>9}")
-    for num in map(int, arguments.sizes.split(",")):
-        makers: dict[str, Callable[[int], World]] = {"driven": driven, "tyres": tyres, "mixed": mixed}
-        makers |= {"straight": straight, "paths": paths, "town": town, "demo": demo}
-        cases = {"floor": (floor(num), 1)} | {name: stepper(make(num)) for name, make in makers.items()}
+    for num in sizes:
+        cases = {"floor": (floor(num), 1)} | {name: stepper(MAKERS[name](num)) for name in names}
         times = measure(cases, arguments.rounds)
         base = np.median(times["floor"])
         for name, values in times.items():
