@@ -74,6 +74,8 @@ MAX_SWEEPS: Final = 1 << 15
 """Pieces of turning pairs that are judged in a step: about 10 ms of a busy machine, 128 pairs at `MAX_SWEEP_PIECES`.
 With more pairs each step is cut into fewer pieces, which are coarser."""
 
+NO_PAIRS: Final = np.empty((2, 0), dtype=np.int64)
+
 POSE_X, POSE_Y, POSE_YAW, POSE_SPEED, POSE_Z = range(5)
 """Rows of the array `CollisionDetector.poses`."""
 
@@ -131,7 +133,7 @@ class CollisionDetector:
         self._drift = np.empty((2, 3, n))
         self._is_out = np.empty((2, 3, n), dtype=bool)
         self._life = 0
-        self._list(np.empty((2, 0), dtype=np.int64))
+        self._list(NO_PAIRS)
 
     def keep(self) -> None:
         """Store the poses of all entities as those of the beginning of the step."""
@@ -201,6 +203,12 @@ class CollisionDetector:
         margin[POSE_YAW] = TURN_MARGIN / reach + LIFE * turn
         self._margin[:, at] = margin
         extra = math.sqrt(2.0) * margin[POSE_X] + margin[POSE_YAW] * reach
+        if (
+            self._may_meet is not None
+            and not self._pairs.size
+            and self._are_apart(end, reach + extra + (LIFE + 1) * np.maximum(amount[0], amount[1]))
+        ):
+            return
 
         # The middles of the boxes from the beginning of this step on, at the present heading.
         heading = _unit(end[POSE_YAW])
@@ -221,6 +229,20 @@ class CollisionDetector:
         if not isinstance(at, slice):
             pairs = self._with_old(at[pairs], at)
         self._list(pairs)
+
+    def _are_apart(self, place: FloatArray, reach: FloatArray) -> bool:
+        """Return whether no pair can be on the list, by squares around the entities: the usual case in a small world.
+
+        Args:
+            place: (3, n) x and y [m], and yaw.
+            reach: (n,) within this of its place an entity is in the steps of the list [m].
+        """
+        rows = self._rows
+        (x, y), reach = place[:POSE_YAW].take(rows, axis=1), reach.take(rows)
+        within = reach[:, None] + reach
+        is_near = np.abs(x[:, None] - x) <= within
+        is_near &= self._may_meet
+        return not np.count_nonzero(is_near) or not np.count_nonzero(is_near & (np.abs(y[:, None] - y) <= within))
 
     def _with_old(self, pairs: IntArray, at: IntArray) -> IntArray:
         """Return new pairs (2, m) of the rows `at`, and the pairs of the list that are of others, in order of ids."""
