@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Annotated, Final
 
-import numpy as np
 from msgspec import Meta
 
 from rosbridge_sim.document_reading import read_document
@@ -64,14 +63,7 @@ def set_signal_plan(road_map: RoadMap, content: bytes, source: str) -> RoadMap:
         controllers[rows[name]] = _make_controller(plan, controllers[rows[name]], junction, where)
     if plan is None:
         return road_map
-    free = [group for group in range(plan.num_groups) if plan.controller[group] < 0]
-    made = SignalPlan(
-        road_map.roads,
-        plan.lights,
-        controllers,
-        together=[np.flatnonzero(plan.group == group).tolist() for group in free],
-        passes=plan.pass_of_lane.tolist(),
-    )
+    made = plan.with_controllers(road_map.roads, controllers)
     note = f"{source} has the plan of {len(document.junctions):,} junctions"
     return replace(road_map, plan=made, notes=(*road_map.notes, note))
 

@@ -28,6 +28,7 @@ from rosbridge_sim.scenarios.openscenario.entities import place_entities
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.story import each_item
 from rosbridge_sim.scenarios.openscenario.story_items import Findings
+from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan
 from rosbridge_sim.scenarios.openscenario.storyboard import KINDS
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_check import (
@@ -230,6 +231,8 @@ def _account_story(
         else:
             try:
                 scenario = place_entities(scenario, StoryMap.of(road_map))
+                if scenario.story is not None:
+                    make_signal_plan(scenario.story.controllers, road_map)
             except DocumentError as error:
                 found.append(str(error))
     story = None if scenario is None else scenario.story

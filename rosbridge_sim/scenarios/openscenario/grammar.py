@@ -48,7 +48,9 @@ LogicFile: filepath:text
 ~SceneGraphFile
 ~UsedArea
 TrafficSignals: TrafficSignalController*
-!TrafficSignalController
+TrafficSignalController: name:text delay?:number reference?:text Phase*
+Phase: name:text duration:number TrafficSignalState* !TrafficSignalGroupState?
+TrafficSignalState: trafficSignalId:text state:text
 Entities: ScenarioObject* EntitySelection*
 !EntitySelection
 ScenarioObject: name:text (Vehicle|Pedestrian|MiscObject|ExternalObjectReference) ObjectController*
@@ -179,7 +181,7 @@ DeleteEntityAction:
 InfrastructureAction: (TrafficSignalAction)
 TrafficSignalAction: (TrafficSignalStateAction|TrafficSignalControllerAction)
 TrafficSignalStateAction: name:text state:text
-!TrafficSignalControllerAction
+TrafficSignalControllerAction: trafficSignalControllerRef:text phase:text
 ParameterAction: parameterRef:text (SetAction|ModifyAction)
 VariableAction: variableRef:text (SetAction|ModifyAction)
 SetAction: value:text
@@ -238,9 +240,9 @@ StoryboardElementStateCondition: storyboardElementType=story|act|maneuverGroup|m
     storyboardElementRef:text
     state=standbyState|runningState|completeState|startTransition|endTransition|stopTransition|skipTransition
 TrafficSignalCondition: name:text state:text
+TrafficSignalControllerCondition: trafficSignalControllerRef:text phase:text
 !TimeOfDayCondition
 !UserDefinedValueCondition
-!TrafficSignalControllerCondition
 LinkPosition: linkId:text s?:number offset?:number Orientation?
 Evaluation: SuccessConditionGroup* FailureConditionGroup*
 SuccessConditionGroup: Condition*

@@ -20,6 +20,7 @@ from rosbridge_sim.scenarios.openscenario.story_items import (
     evaluate,
     place_of,
 )
+from rosbridge_sim.scenarios.openscenario.story_signals import check_controllers
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.xml_documents import Element, read_whole
 
@@ -70,6 +71,7 @@ class Story(Record, eq=False):
         ego: name of the entity that is the ego; empty if there is none.
         holds: of pedestrians by name, MORAI's `activeDistance` and `moveDistance`: how near an ego is when one begins
             to move, and its longest way; 0 for none [m].
+        controllers: `TrafficSignalController` items by name.
         init: `Actions` of `Init`.
         storyboard: acts, events, conditions.
         evaluation: MORAI's groups of conditions; None for none.
@@ -83,6 +85,7 @@ class Story(Record, eq=False):
     entities: Mapping[str, StoryItem]
     ego: str
     holds: Mapping[str, tuple[float, float]]
+    controllers: Mapping[str, StoryItem]
     init: StoryItem
     storyboard: StoryItem
     evaluation: StoryItem | None
@@ -199,6 +202,7 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
     variables = {each["name"]: each["value"] for each in (() if declared is None else declared.parts)}
     network, info = root.find("RoadNetwork"), root.find("SimulatorInfo")
     logic = None if network is None else network.find("LogicFile")
+    signals = None if network is None else network.find("TrafficSignals")
     path = "" if logic is None else logic["filepath"]
     named = None if info is None else info.find("Map")
     map_name = variables.get("moraiMap", "") if named is None else named["name"]
@@ -207,6 +211,7 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
         entities=entities,
         ego=choose_ego(given.ego, entities, given.source, findings),
         holds={name: _hold(item, findings) for name, item in entities.items() if item.find("Pedestrian") is not None},
+        controllers={each["name"]: each for each in (() if signals is None else signals.parts)},
         init=board.part("Init").part("Actions"),
         storyboard=board,
         evaluation=root.find("Evaluation"),
@@ -264,6 +269,8 @@ def _check(story: Story) -> None:
     """Check names that refer to something within the story."""
     mistakes, source = story.findings.mistakes, story.text.source
     names = {kind: set(of) for kind, of in element_names(story.storyboard).items()}
+    phases = {name: [phase["name"] for phase in item.parts] for name, item in story.controllers.items()}
+    check_controllers(story.controllers, mistakes)
     num_events = num_looks = 0
     for item in each_item(story.storyboard):
         num_events += item.kind == "Event"
@@ -278,11 +285,17 @@ def _check(story: Story) -> None:
         elif item.kind in {"ParameterCondition", "ParameterAction"}:
             known, key = story.parameters, "parameterRef"
             ref = item[key]
+        elif item.kind in {"TrafficSignalControllerCondition", "TrafficSignalControllerAction"}:
+            known, key = set(phases), "trafficSignalControllerRef"
+            ref = item[key]
+            if ref in phases:
+                known, key, ref = set(phases[ref]), "phase", item["phase"]
         else:
             continue
         if ref not in known:
             what = f"{item.where}: {item.kind}.{key}: there is no {printable(ref, 60)!r}{hint(ref, sorted(known))}"
-            (story.findings.notes if story.text.is_lenient else mistakes).append(what)
+            is_left_out = story.text.is_lenient and item.kind == "StoryboardElementStateCondition"
+            (story.findings.notes if is_left_out else mistakes).append(what)
     if num_events > MAX_EVENTS:
         mistakes.append(f"{source}: expected at most {MAX_EVENTS:,} events, got {num_events:,}")
     if num_looks > MAX_LOOKS:

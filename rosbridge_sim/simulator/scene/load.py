@@ -13,10 +13,12 @@ from typing import Final, NamedTuple, Protocol
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.openscenario.story import Story
+from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.plain.plain_bytes import encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
 
 class Library(Protocol):
@@ -141,6 +143,15 @@ class Load:
     def map_key(self) -> MapKey:
         """Name and digest of its map in snapshots."""
         return MapKey(self.map_name, self.road_map.digest)
+
+    @cached_property
+    def plan(self) -> SignalPlan:
+        """The traffic lights: those of the map, with the controllers of the story.
+
+        Raises:
+            DocumentError: the map has no light that the story controls.
+        """
+        return make_signal_plan({} if self.story is None else self.story.controllers, self.road_map)
 
     def is_on(self, road_map: RoadMap) -> bool:
         """Return True if its places on lanes are places of this map, too: it has the same lanes."""

@@ -88,7 +88,7 @@ class Rehearsal:
         others = [replace(spawn, start_within=0.0) for spawn in placed.vehicles + placed.pedestrians + placed.obstacles]
         world = World(0, self._dynamics)
         load = Load(placed.name, placed.egos[:1], tuple(others), is_clearing=True, map_name="", road_map=road_map)
-        next_uid = populate(world, load, FIRST_UID)
+        next_uid = populate(world, load, load.plan, FIRST_UID)
         for uid, (lane, s) in enumerate(starts, next_uid):
             world.spawn(Kind.VEHICLE, DEFAULT_EGO.body, name=DEFAULT_EGO.name, x=0.0, y=0.0, uid=uid)
             keep_lanes(world, [LaneStart(world.row(uid), lane, s, wander=USUAL_WANDER)])

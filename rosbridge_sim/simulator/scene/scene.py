@@ -34,6 +34,7 @@ from rosbridge_sim.scenarios.scenario_reader import place_on_roads, sort_phases
 from rosbridge_sim.simulator.scene.load import WHOLE, FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, FIRST_UID, MAX_ENTITIES, MAX_FILE_UID
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import DT, Body, Gear, Kind, Snapshot, World
@@ -186,7 +187,10 @@ class Scene:
             _log.info("scenario %s: its spawn points are left out, because the load does not remove all", placed.name)
             points = ()
         name = scenario.name
-        return Load(name, egos, others, options.delete_all, map_name, road_map, phases, points, scenario.story)
+        load = Load(name, egos, others, options.delete_all, map_name, road_map, phases, points, scenario.story)
+        if scenario.story is not None:
+            assert load.plan is not None  # its mistakes are told before anything moves
+        return load
 
     def carry_out(self, load: Load) -> None:
         """Carry out a prepared load, completely or not at all.
@@ -203,7 +207,9 @@ class Scene:
             raise DocumentError(f"{load.name}: the world holds {MAX_ENTITIES:,} at most")
         before = world.snapshot()
         try:
-            next_uid = populate(world, load, self._next_uid, self._speed_limits)
+            is_same = not load.is_clearing and load.road_map is self.road_map  # a story keeps its controllers of lights
+            plan = world.signals.plan if is_same else load.plan
+            next_uid = populate(world, load, plan, self._next_uid, self._speed_limits)
         except ValueError as error:
             world.restore(before)
             raise DocumentError(f"{load.name}: {error}") from error
@@ -391,11 +397,12 @@ class Scene:
             raise FieldError("refused while a recording is replayed")
 
 
-def populate(world: World, load: Load, next_uid: int, limits: SpeedLimits | None = None) -> int:
+def populate(world: World, load: Load, plan: SignalPlan, next_uid: int, limits: SpeedLimits | None = None) -> int:
     """Remove and add the entities of a load, and return the next free id.
 
     Args:
         world: written in place.
+        plan: traffic lights of its map.
         next_uid: the first free id.
         limits: of the ego's speed mode; None for those of its model.
 
@@ -408,8 +415,8 @@ def populate(world: World, load: Load, next_uid: int, limits: SpeedLimits | None
         is_ego = world.kind[world.row(uid)] == Kind.EGO
         if (uid == FIRST_EGO and load.egos) if is_ego else load.is_clearing:
             world.remove(uid)
-    if not _are_laid(world, load.road_map):
-        world.lay_roads(load.road_map.roads, load.road_map.plan)
+    if not _are_laid(world, load.road_map.roads, plan):
+        world.lay_roads(load.road_map.roads, plan)
     for start in load.phases:
         _set_phase(world, start)
     for ego in load.egos:
@@ -432,17 +439,13 @@ def _log_notes(found: FoundMap) -> RoadMap:
     return found.road_map
 
 
-def _are_laid(world: World, road_map: RoadMap) -> bool:
+def _are_laid(world: World, roads: Roads, plan: SignalPlan) -> bool:
     """Return whether the world has the lanes and lights of a map, by their content.
 
     The same map may be there twice: read again from its files, or by a restored snapshot. If the lights began anew for
     the second one, a restored world would not do the same as the saved one.
     """
-    roads = road_map.roads
-    if world.roads is roads:
-        return True
-    plan = road_map.plan or SignalPlan(roads)
-    return world.roads.digest == roads.digest and world.signals.plan.digest == plan.digest
+    return (world.roads is roads or world.roads.digest == roads.digest) and world.signals.plan.digest == plan.digest
 
 
 def _set_phase(world: World, start: PhaseStart) -> None:

@@ -14,6 +14,7 @@ from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerErro
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -68,10 +69,11 @@ class RoadServices(Component):
 
     @property
     def drawing(self) -> MapDrawing:
-        """The drawing of the map in use; the same object as long as the map is the same."""
-        road_map = self._context.scene.road_map
-        if self._drawing is None or self._drawn is not road_map:
-            self._drawing, self._drawn = MapDrawing(self._context.bus.store, road_map), road_map
+        """The drawing of the map in use, lights of a story included; the same object as long as they are the same."""
+        road_map, plan = self._context.scene.road_map, self._context.world.signals.plan
+        if self._drawing is None or self._drawn != (road_map, plan.digest):
+            self._drawing = MapDrawing(self._context.bus.store, replace(road_map, plan=plan))
+            self._drawn = road_map, plan.digest
         return self._drawing
 
     def _tell_map(self, call: Call, _now: float) -> None:

@@ -40,9 +40,6 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.world import Snapshot, World
 
-Plans: TypeAlias = Callable[[RoadMap], SignalPlan]
-"""Gives the traffic lights of a map."""
-
 NUM_TRIALS: Final = 2
 """Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""
 
@@ -207,12 +204,11 @@ class NodeState:
         except ValueError as error:
             raise DocumentError(f"state: {error!s:.200}") from None
 
-    def parse(self, state: PlainData, maps: Maps, plans: Plans) -> SavedState:
+    def parse(self, state: PlainData, maps: Maps) -> SavedState:
         """Return the state that `SavedState.to_plain` was given. This may be called in any thread.
 
         Args:
             state: from anywhere.
-            plans: from `plans`, called before.
 
         Raises:
             DocumentError: it is no state of a simulator like this one.
@@ -220,8 +216,11 @@ class NodeState:
         fields = read_as(dict[str, Any], state, "state")
         key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "map"))
         road_map = maps(key)
+        known = [self._context.scene.loaded]
+        loaded = unpack_load(fields.get("loaded"), maps, known)
+        plan = loaded.plan if loaded.road_map is road_map else road_map.plan or SignalPlan(road_map.roads)
         try:
-            world = from_plain(fields.get("world"), road_map.roads, plans(road_map))
+            world = from_plain(fields.get("world"), road_map.roads, plan)
         except (ValueError, TypeError) as error:
             raise DocumentError(f"{error!s:.200}") from None
         here = self._context.world
@@ -232,11 +231,9 @@ class NodeState:
         entries = read_as(tuple[tuple[int, str, tuple[Any, ...]], ...], fields.get("waiting"), "waiting")
         check_numbers([frame for frame, _, _ in entries], world, next_uid)
         components = read_as(dict[str, Any], fields.get("components"), "components")
-        known = [self._context.scene.loaded]
         names = [type(one).__name__ for one in self._components]
         if list(components) != names:
             raise DocumentError(f"components: expected {', '.join(names)}")
-        loaded = unpack_load(fields.get("loaded"), maps, known)
         if loaded.spawn_points and not loaded.is_on(road_map):
             raise DocumentError("loaded: expected spawn points on the map in use")
         check_finite(fields.get("egos"), "egos")
@@ -270,15 +267,6 @@ class NodeState:
         except Exception as error:  # noqa: BLE001 - figures from outside, whatever they do
             _log.info("a snapshot was refused: a step of its world fails", exc_info=error)
             raise DocumentError(f"world: a step of it fails: {error!r:.200}") from None
-
-    def plans(self) -> Plans:
-        """Return a function that finds the traffic lights of a map; it does not look at the world again."""
-        roads, plan = self._context.world.roads, self._context.world.signals.plan
-
-        def find(road_map: RoadMap) -> SignalPlan:
-            return plan if road_map.roads is roads else road_map.plan or SignalPlan(road_map.roads)
-
-        return find
 
     def _bind_egos(self, saved: SavedState, now: float) -> list[Ego]:
         """Give those egos their topics and services that are not here; return all of them, in order.

@@ -40,7 +40,7 @@ from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
 from rosbridge_sim.simulator.replays.replayed_plans import without_denied_plans
 from rosbridge_sim.simulator.scene.load import Library, MapKey
 from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptSnapshots
-from rosbridge_sim.simulator.snapshots.node_state import NodeState, Plans, SavedState
+from rosbridge_sim.simulator.snapshots.node_state import NodeState, SavedState
 from rosbridge_sim.simulator.snapshots.snapshot_checks import (
     Refusal,
     check_head,
@@ -326,9 +326,7 @@ class Snapshots(Component):
             then = partial(self._take_recording, restoration, key)
             self._recordings.read(key.name, reading, answering(restoration.call.refuse, then))
         elif restoration.state is None:
-            self._read(
-                restoration, partial(_parse, self._state, restoration, self._state.plans()), restoration.take_state, now
-            )
+            self._read(restoration, partial(_parse, self._state, restoration), restoration.take_state, now)
         else:
             self._carry_out(restoration, restoration.state, now)
 
@@ -491,14 +489,14 @@ def _decode(data: bytes) -> tuple[SnapshotHead, PlainData]:
     return head, decode(packed)
 
 
-def _parse(node_state: NodeState, restoration: _Restoration, plans: Plans) -> SavedState:
+def _parse(node_state: NodeState, restoration: _Restoration) -> SavedState:
     """Return the state of a snapshot, checked; in a thread of its own, as a rule.
 
     Raises:
         DocumentError: it is no state of a simulator like this one.
     """
     try:
-        state = node_state.parse(restoration.plain, restoration.find_map, plans)
+        state = node_state.parse(restoration.plain, restoration.find_map)
     except PeerError as error:
         raise DocumentError(str(error)) from None
     if restoration.is_foreign:

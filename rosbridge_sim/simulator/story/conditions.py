@@ -39,6 +39,7 @@ class StoryView(Record, eq=False):
     Attributes:
         values: of variables and parameters, by name.
         light: returns whether the light of a name is in a state.
+        phase: returns whether the controller of a name is in a phase.
         time: since the start of the story [s].
     """
 
@@ -47,6 +48,7 @@ class StoryView(Record, eq=False):
     board: Storyboard
     values: Mapping[str, str]
     light: Callable[[str, str], bool]
+    phase: Callable[[str, str], bool]
     time: Callable[[], float]
 
 
@@ -204,6 +206,10 @@ def _light(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
     return scene.light(item["name"], item["state"]), math.nan
 
 
+def _phase(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
+    return scene.phase(item["trafficSignalControllerRef"], item["phase"]), math.nan
+
+
 OF_ENTITY: Final[Mapping[str, Callable[[StoryView, StoryItem, str, StoryActor], tuple[bool, float]]]] = {
     "SpeedCondition": _speed,
     "RelativeSpeedCondition": _relative_speed,
@@ -225,4 +231,5 @@ OF_VALUE: Final[Mapping[str, Callable[[StoryView, StoryItem], tuple[bool, float]
     "SimulationTimeCondition": _time,
     "StoryboardElementStateCondition": _state,
     "TrafficSignalCondition": _light,
+    "TrafficSignalControllerCondition": _phase,
 }

@@ -19,6 +19,7 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.story import Story
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_signals import lamps_of, start_phase
 from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboard
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.scene.scene import Scene
@@ -27,15 +28,11 @@ from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STO
 from rosbridge_sim.simulator.story.conditions import StoryView, measure
 from rosbridge_sim.simulator.story.measures import Measures
 from rosbridge_sim.simulator.story.motions import MOTIONS, Running, Stage
-from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.placement import set_speed
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED
 
 _WRAPPERS: Final = frozenset({"PrivateAction", "LongitudinalAction", "LateralAction", "RoutingAction"})
 """Elements around private actions that say only where they belong."""
-
-_LAMPS: Final = {2: (Lamp.RED, Lamp.GREEN), 3: (Lamp.RED, Lamp.YELLOW, Lamp.GREEN)}
-_COLOURS: Final = {"red": Lamp.RED, "yellow": Lamp.YELLOW, "green": Lamp.GREEN, "off": 0}
 
 SAME_TIME: Final = 1e-6
 """Times that differ by less, in steps, are the same."""
@@ -85,6 +82,12 @@ class ToldStory:
         self._scene, self._world = scene, scene.world
         self._spawns = {spawn.name: spawn for spawn in spawns}
         self._told: set[str] = set()
+        self._controlled = {
+            state["trafficSignalId"]
+            for controller in story.controllers.values()
+            for phase in controller.parts
+            for state in phase.parts
+        }
         self._begun: list[int] = []  # actions whose events have begun, while triggers are looked at
         self._init = [
             (action, [each["entityRef"]] if each.kind == "Private" else [])
@@ -112,7 +115,9 @@ class ToldStory:
         self._cast = Cast(self._world, self._map, state.actors, self.story.holds)
         measures = Measures(self._cast, bodies)
         self._stage = Stage(self._cast, measures, bodies, self.time)
-        self._looks = StoryView(self._cast, measures, self.board, state.values, self._shows, self.time)
+        self._looks = StoryView(
+            self._cast, measures, self.board, state.values, self._shows, self._is_in_phase, self.time
+        )
 
     def _link(self) -> None:
         """Find the actors in the world, by their names."""
@@ -134,6 +139,8 @@ class ToldStory:
 
     def open(self) -> None:
         """Carry out the actions of `Init`, and look at the triggers for the first time."""
+        for name in self.story.controllers:
+            self._world.signals.set_phase(self._row_of_controller(name), *start_phase(name, self.story.controllers))
         for number, (action, names) in enumerate(self._init):
             is_placed = action.find("TeleportAction", "EntityAction") is not None
             if not (is_placed and all(self.state.actors[name].uid >= 0 for name in names)):
@@ -285,7 +292,13 @@ class ToldStory:
             self._set(item["variableRef" if item.kind == "VariableAction" else "parameterRef"], item.part())
         elif item.kind == "InfrastructureAction":
             state = item.part("TrafficSignalAction").part()
-            self.state.lights[state["name"]] = state["state"]
+            if state.kind == "TrafficSignalControllerAction":
+                name = state["trafficSignalControllerRef"]
+                names = [phase["name"] for phase in self.story.controllers[name].parts]
+                self._world.signals.set_phase(self._row_of_controller(name), names.index(state["phase"]))
+                return
+            if state["name"] not in self._controlled:  # else it lasts until the next phase of its controller
+                self.state.lights[state["name"]] = state["state"]
             self._light(state["name"], state["state"])
 
     def _add(self, name: str, position: StoryItem) -> None:
@@ -332,9 +345,10 @@ class ToldStory:
         Raises:
             DocumentError: it is no state.
         """
-        row, value = self._row_of_light(name), lamps_of(text)
-        if row is not None and int(self._world.signals.shown[row]) != value:
-            self._world.signals.force(row, value)
+        row, signals = self._row_of_light(name), self._world.signals
+        value = lamps_of(text, *([] if row is None else [signals.plan.lights[row].lamps]))
+        if row is not None and int(signals.shown[row]) != value:
+            signals.force(row, value)
 
     def _row_of_light(self, name: str) -> int | None:
         lights = self._world.signals.plan.lights
@@ -344,8 +358,16 @@ class ToldStory:
         """Return whether a light is in a state: the one that the story has set, or the one that it shows."""
         if name in self.state.lights:
             return self.state.lights[name] == text
-        row = self._row_of_light(name)
-        return row is not None and int(self._world.signals.shown[row]) == lamps_of(text)
+        row, signals = self._row_of_light(name), self._world.signals
+        return row is not None and int(signals.shown[row]) == lamps_of(text, signals.plan.lights[row].lamps)
+
+    def _row_of_controller(self, name: str) -> int:
+        return list(self.story.controllers).index(name)  # those of the story are the first ones of the plan
+
+    def _is_in_phase(self, name: str, phase: str) -> bool:
+        """Return whether a controller of the story is in a phase."""
+        at = int(self._world.signals.phase[self._row_of_controller(name)])
+        return bool(self.story.controllers[name].parts[at]["name"] == phase)
 
     # State
 
@@ -389,22 +411,6 @@ class ToldStory:
                 raise ValueError("expected running actions of the story that is loaded")
         self.state = state
         self._use_state()
-
-
-def lamps_of(text: str) -> int:
-    """Return the lamps that the state of a light names: `red`, or `on;off;off` from red to green.
-
-    Raises:
-        DocumentError: it names none.
-    """
-    if text.lower() in _COLOURS:
-        return int(_COLOURS[text.lower()])
-    words = text.lower().split(";")
-    lamps = _LAMPS.get(len(words))
-    if lamps is None or not set(words) <= {"on", "off"}:
-        shown = printable(text, 60)
-        raise DocumentError(f"expected a state such as red, green or on;off;off, got {shown!r}")
-    return sum(int(lamp) for lamp, word in zip(lamps, words, strict=True) if word == "on")
 
 
 def _leaf(item: StoryItem) -> StoryItem:

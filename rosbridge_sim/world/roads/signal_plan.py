@@ -236,6 +236,12 @@ class SignalPlan:
         """
         return self._rows[name]
 
+    def with_controllers(self, roads: Roads, controllers: Sequence[Controller]) -> SignalPlan:
+        """Return a plan with the same lights on the same roads, and other controllers; errors as for a new plan."""
+        free = [group for group in range(self.num_groups) if self.controller[group] < 0]
+        together = [np.flatnonzero(self.group == group).tolist() for group in free]
+        return SignalPlan(roads, self.lights, controllers, together=together, passes=self.pass_of_lane.tolist())
+
     def time_to_change(self) -> IntArray:
         """Return the frames from the beginning of each interval to the next change of each column of `colours`.
 

@@ -341,7 +341,7 @@ def test_snapshot_with_spawn_points_of_another_map_is_refused() -> None:
     assert isinstance(plain, dict)
     plain["loaded"] = tuple(there.context.scene.loaded.packed)
     with pytest.raises(DocumentError, match="expected spawn points on the map in use"):
-        state.parse(plain, maps.__getitem__, state.plans())
+        state.parse(plain, maps.__getitem__)
 
 
 # Many vehicles in a file

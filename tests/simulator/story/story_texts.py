@@ -22,7 +22,7 @@ from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.simulator.story.stories import Stories
 from rosbridge_sim.simulator.story.told_story import ToldStory
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.roads.signal_plan import Light, SignalPlan
+from rosbridge_sim.world.roads.signal_plan import Lamp, Light, SignalPlan
 from rosbridge_sim.world.state.world import World
 from tests.simulator.sim_harness import make_store
 
@@ -140,7 +140,7 @@ def lanes() -> RoadMap:
         left=[-1, 0, 1, -1],
         right=[1, 2, -1, -1],
     )
-    plan = SignalPlan(roads, [Light("light", lanes=(3,))])
+    plan = SignalPlan(roads, [Light("light", lanes=(3,)), Light("arrow", lamps=Lamp.RED | Lamp.YELLOW | Lamp.LEFT)])
     return RoadMap("lanes", NO_PROJECTION, (0.0, 0.0, 0.0), roads, plan)
 
 

@@ -86,7 +86,7 @@ def test_a_snapshot_of_another_process_is_read_and_goes_on() -> None:
     state = NodeState(one.node.context, one.node.components)
     plain = state.save().to_plain()
     there = NodeState(other.node.context, other.node.components)
-    parsed = there.parse(plain, lambda _: other.node.context.scene.road_map, there.plans())
+    parsed = there.parse(plain, lambda _: other.node.context.scene.road_map)
     there.restore(parsed, 0.0, expected_hash=state.hash(), before_undo=lambda: None)
     assert hashes(other, 60) == hashes(one, 60)
 

@@ -496,6 +496,12 @@ def test_an_unknown_variable_is_refused() -> None:
         scenario_of(story(EGO, group("Ego", probe)))
 
 
+def test_lenient_leaves_no_condition_on_a_variable_that_is_not_there() -> None:
+    unknown = by_value('<VariableCondition variableRef="m" value="1" rule="equalTo"/>')
+    with pytest.raises(DocumentError, match=r"VariableCondition\.variableRef: there is no 'm'"):
+        scenario_of(story(EGO, group("Ego", event("go", speed(1), unknown))), is_lenient=True)
+
+
 def test_events_follow_each_other_by_their_states() -> None:
     events = (
         event("first", speed(20, "linear", "time", 2), after(1)),
