@@ -30,6 +30,7 @@ The chosen acceleration is not reached at once: see `lane_following`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,6 +39,7 @@ import numpy as np
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import EntryQueue
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, FEW, RuleOperators, V, written
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME
 
@@ -86,6 +88,20 @@ class SlowVehicles(Record, eq=False):
     speed: FloatArray
     accel: FloatArray
 
+    @staticmethod
+    def next_to(queue: EntryQueue, gap: FloatArray, lead: IntArray, at: IntArray) -> SlowVehicles:
+        """Return the vehicles next to lead vehicles.
+
+        Args:
+            gap: (k,) to the lead vehicle of each driver [m].
+            lead: (k,) int64, positions of the lead vehicles in the queue.
+            at: (m,) int64, the drivers that mind the next ones.
+        """
+        before, after = lead[at], lead[at] + 1
+        return SlowVehicles(
+            at, gap[at] + queue.tail[after] - queue.tail[before], queue.speed[after], queue.accel[after]
+        )
+
 
 @dataclass(slots=True, eq=False)
 class Perception:
@@ -125,101 +141,146 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     Returns:
         (k,) at least -`HARDEST` and at most the driver's own `accel` [m/s^2].
     """
-    wanted_speed = np.fmin(drivers.desired_speed, perception.safe_speed)
-    free = drivers.accel * (1.0 - np.square(np.square(np.fmin(speed / np.fmax(wanted_speed, CREEP), 1.0))))
-    too_fast = np.fmax((wanted_speed - speed) / SETTLING_TIME, -FIRM)
-    free = np.where(speed < wanted_speed, free, too_fast)
-    chosen = free
-    at = (perception.stop_distance < np.inf).nonzero()[0]
-    if len(at):
-        chosen[at] = _stop(free[at], speed[at], perception.stop_distance[at])
-    at = (perception.gap < np.inf).nonzero()[0]
-    if len(at):
-        leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
-        chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
+    choose = _choose_one_by_one if len(speed) <= FEW else _choose
+    chosen = choose(speed, perception, drivers)
     if perception.slow is not None:
         slow = perception.slow
         at = slow.seen_by
-        chosen[at] = np.fmin(chosen[at], _follow(at, speed, slow.gap, slow.speed, slow.accel, drivers))
+        one = drivers.accel[at], drivers.comfort[at], drivers.headway[at]
+        chosen[at] = np.fmin(chosen[at], follow(ARRAYS, speed[at], slow.gap, slow.speed, slow.accel, *one))
     return np.asarray(np.fmax(chosen, -HARDEST))
 
 
-def gap_wanted(speed: FloatArray, closing: FloatArray, drivers: DriverParameters) -> FloatArray:
-    """Return s* of the head of this file, (k,) [m].
+def _choose(speed: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:
+    """Return the accelerations without regard to slow vehicles, (k,) [m/s^2]."""
+    chosen: FloatArray = drive_free(ARRAYS, speed, drivers.desired_speed, perception.safe_speed, drivers.accel)
+    at = (perception.stop_distance < np.inf).nonzero()[0]
+    if len(at):
+        chosen[at] = stop(ARRAYS, chosen[at], speed[at], perception.stop_distance[at])
+    at = (perception.gap < np.inf).nonzero()[0]
+    if len(at):
+        leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
+        one = drivers.accel[at], drivers.comfort[at], drivers.headway[at]
+        chosen[at] = np.fmin(chosen[at], follow(ARRAYS, speed[at], *leads, *one))
+    return chosen
+
+
+def _choose_one_by_one(speed: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:
+    """Return what `_choose` returns, in less time for few drivers."""
+    free_of, stop_of, follow_of = written(drive_free, 4), written(stop, 3), written(follow, 7)
+    columns = (
+        *(speed, drivers.desired_speed, perception.safe_speed, drivers.accel, drivers.comfort, drivers.headway),
+        *(perception.stop_distance, perception.gap, perception.lead_speed, perception.lead_accel),
+    )
+    found = []
+    for now, desired, safe, accel, comfort, headway, distance, gap, lead_speed, lead_accel in zip(
+        *[column.tolist() for column in columns], strict=True
+    ):
+        (chosen,) = free_of(now, desired, safe, accel)
+        if distance < math.inf:
+            (chosen,) = stop_of(chosen, now, distance)
+        if gap < math.inf:
+            chosen = min(chosen, *follow_of(now, gap, lead_speed, lead_accel, accel, comfort, headway))
+        found.append(chosen)
+    return np.array(found)
+
+
+def drive_free(do: RuleOperators[V], speed: V, desired: V, safe: V, accel: V) -> V:
+    """Return the acceleration on a free road [m/s^2].
 
     Args:
-        speed: (k,) [m/s].
-        closing: (k,) dv [m/s].
-        drivers: (k,) their parameters.
+        speed: [m/s].
+        desired: v0 of the driver [m/s].
+        safe: the most that is safe here [m/s].
+        accel: a of the driver [m/s^2].
     """
-    closing_term = closing / (2.0 * np.sqrt(drivers.accel * drivers.comfort))
-    return np.asarray(GAP + np.fmax(speed * (drivers.headway + closing_term), 0.0))
+    wanted = do.least(desired, safe)
+    ratio = do.least(speed / do.most(wanted, CREEP), 1.0)
+    square = ratio * ratio
+    return do.pick(wanted - speed, accel * (1.0 - square * square), do.most((wanted - speed) / SETTLING_TIME, -FIRM))
 
 
-def keep_gap(accel: FloatArray, wanted: FloatArray, gap: FloatArray) -> FloatArray:
-    """Return f_idm of the head of this file, (k,) [m/s^2].
+def gap_wanted(  # noqa: PLR0917 - numbers of one driver
+    do: RuleOperators[V], speed: V, closing: V, accel: V, comfort: V, headway: V
+) -> V:
+    """Return s* of the head of this file [m].
 
     Args:
-        accel: (k,) a of the drivers [m/s^2].
-        wanted: (k,) s* [m].
-        gap: (k,) to the lead vehicle, positive [m].
+        speed: [m/s].
+        closing: dv [m/s].
+        accel: a of the driver [m/s^2].
+        comfort: b of the driver [m/s^2].
+        headway: T of the driver [s].
     """
-    ratio = np.square(wanted / gap)
-    return np.asarray(accel * (1.0 - ratio * np.fmin(ratio, 1.0)))
+    return GAP + do.most(speed * (headway + closing / (2.0 * do.root(accel * comfort))), 0.0)
 
 
-def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> FloatArray:
-    """Return the distance of a stop with `FIRM`, (k,) [m].
+def keep_gap(do: RuleOperators[V], accel: V, wanted: V, gap: V) -> V:
+    """Return f_idm of the head of this file [m/s^2].
+
+    Args:
+        accel: a of the driver [m/s^2].
+        wanted: s* [m].
+        gap: to the lead vehicle, positive [m].
+    """
+    ratio = wanted / gap
+    square = ratio * ratio
+    return accel * (1.0 - square * do.least(square, 1.0))
+
+
+def firm_stop(do: RuleOperators[V], speed: V, accel: V, reaction: V) -> V:
+    """Return the distance of a stop with `FIRM` [m].
 
     With v' that goes to -F with the time constant T, it is (v + D)^2 / (2 F) - D T, where D = T (v' + F). A driver that
     brakes so stops at the same place in each moment of it.
 
     Args:
-        speed: (k,) [m/s].
-        accel: (k,) at present [m/s^2].
-        reaction: (k,) time constant of the acceleration [s].
+        speed: [m/s].
+        accel: at present [m/s^2].
+        reaction: time constant of the acceleration [s].
     """
-    surplus = reaction * np.fmax(accel + FIRM, 0.0)
-    return np.asarray(np.square(speed + surplus) / (2.0 * FIRM) - surplus * reaction)
+    surplus = reaction * do.most(accel + FIRM, 0.0)
+    after = speed + surplus
+    return after * after / (2.0 * FIRM) - surplus * reaction
 
 
-def _stop(free: FloatArray, speed: FloatArray, distance: FloatArray) -> FloatArray:
-    """Return the accelerations of drivers that must stop at a distance, (m,) [m/s^2]; the arguments are (m,), too."""
+def stop(do: RuleOperators[V], free: V, speed: V, distance: V) -> V:
+    """Return the acceleration of a driver that must stop at a distance [m], and else has the acceleration `free`."""
     left = distance - STOP_GAP
     square = speed * speed
-    needed = np.where(left > 0.0, square / (2.0 * np.fmax(left, 1e-3)), np.inf)
-    to_line = np.fmax(0.9 * distance, 1e-3)
-    needed = np.fmin(needed, np.fmax(square / (2.0 * to_line), FIRM))  # beyond firm braking, use the way up to the line
-    share = np.fmin(np.fmax((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
-    share = np.where(left < STANDS_WITHIN, 1.0, share)
-    return np.asarray(np.fmin(free, free - share * (free + needed)))
+    # Beyond firm braking, use the way up to the line.
+    to_line = do.most(square / (2.0 * do.most(0.9 * distance, 1e-3)), FIRM)
+    needed = do.pick(left, do.least(square / (2.0 * do.most(left, 1e-3)), to_line), to_line)
+    share = do.least(do.most((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
+    share = do.pick(STANDS_WITHIN - left, 1.0, share)
+    return do.least(free, free - share * (free + needed))
 
 
-def _follow(  # noqa: PLR0917 - of one vehicle and its lead vehicle
-    at: IntArray,
-    all_speeds: FloatArray,
-    gap: FloatArray,
-    lead_speed: FloatArray,
-    lead_accel: FloatArray,
-    drivers: DriverParameters,
-) -> FloatArray:
-    """Return f of the head of this file, for the drivers `at` (m,); the arguments about lead vehicles are (m,), too."""
-    speed, gap = all_speeds[at], np.fmax(gap, CREEP)
-    accel, comfort = drivers.accel[at], drivers.comfort[at]
+def follow(  # noqa: PLR0917 - numbers of one vehicle and its lead vehicle
+    do: RuleOperators[V], speed: V, gap: V, lead_speed: V, lead_accel: V, accel: V, comfort: V, headway: V
+) -> V:
+    """Return f of the head of this file [m/s^2].
+
+    Args:
+        speed: v [m/s].
+        gap: s to the lead vehicle [m].
+        lead_speed: vl [m/s].
+        lead_accel: al [m/s^2].
+        accel: a of the driver [m/s^2].
+        comfort: b of the driver [m/s^2].
+        headway: T of the driver [s].
+    """
+    gap = do.most(gap, CREEP)
     closing = speed - lead_speed
-    wanted = GAP + np.fmax(speed * (drivers.headway[at] + closing / (2.0 * np.sqrt(accel * comfort))), 0.0)
-    idm = np.fmax(keep_gap(accel, wanted, gap), -HARDEST)
-    lead_accel, twice = np.fmin(lead_accel, accel), 2.0 * gap
+    wanted = gap_wanted(do, speed, closing, accel, comfort, headway)
+    idm = do.most(keep_gap(do, accel, wanted, gap), -HARDEST)
+    lead_accel, twice = do.least(lead_accel, accel), 2.0 * gap
     change = twice * lead_accel
     room = lead_speed * lead_speed - change
-    heuristic = lead_accel - np.square(np.fmax(closing, 0.0)) / twice
-    first = ((lead_speed * closing <= -change) & (room > 0.0)).nonzero()[0]  # where the lead vehicle stands first
-    if len(first):
-        heuristic[first] = np.square(speed[first]) * lead_accel[first] / room[first]
-    mild = (idm < heuristic).nonzero()[0]
-    if len(mild):
-        hard, heuristic, comfort = idm[mild], heuristic[mild], comfort[mild]
-        below = (hard - heuristic) / comfort
-        cool = heuristic + comfort * below / np.sqrt(1.0 + below * below)
-        idm[mild] = (1.0 - COOLNESS) * hard + COOLNESS * cool
-    return idm
+    closes = do.most(closing, 0.0)
+    moves = lead_accel - closes * closes / twice
+    stands_first = speed * speed * lead_accel / do.pick(room, room, 1.0)
+    heuristic = do.pick(lead_speed * closing + change, moves, do.pick(room, stands_first, moves))
+    below = (idm - heuristic) / comfort
+    cool = heuristic + comfort * below / do.root(1.0 + below * below)
+    return do.pick(heuristic - idm, (1.0 - COOLNESS) * idm + COOLNESS * cool, idm)

@@ -17,7 +17,6 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_model import (
     BRAKE_FROM,
     CREEP,
-    GAP,
     STOP_GAP,
     Perception,
     SlowVehicles,
@@ -27,22 +26,19 @@ from rosbridge_sim.world.drivers.driver_model import (
 )
 from rosbridge_sim.world.drivers.intruders import stop_for_intruders
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
+from rosbridge_sim.world.drivers.look_rules import MUCH_SLOWER, foresee, slow_down
+from rosbridge_sim.world.drivers.looks_one_by_one import look_one_by_one
 from rosbridge_sim.world.drivers.right_of_way import Requests, give_claims, update_holds
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, FEW
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import (
-    MAX_LATERAL,
     MIN_SAFE_SPEED,
-    SETTLING_TIME,
     LaneConflicts,
     foresight,
 )
 
 FOLLOWS_FROM: Final = 0.25
 """A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
-
-MUCH_SLOWER: Final = 8.0
-"""A vehicle ahead of the lead vehicle counts if it is slower by this much [m/s], or if the lead vehicle changes lanes.
-With the comfortable braking a driver needs 4 s then, longer than its time gap."""
 
 SAME_PLACE: Final = 1e-6
 """Distances that differ by less are of one place [m]: they are sums of the same lengths in another order."""
@@ -115,9 +111,10 @@ def observe(
     perception, requests = look.perception, look.requests
     gives_way = look.claim(num_moving)
     speed, gap = float(drivers.speed[which]), float(perception.gap[which])
-    wanted_gap = gap_wanted(drivers.speed, drivers.speed - perception.lead_speed, drivers.parameters)
-    accel = drivers.parameters.accel
-    lost = accel - keep_gap(accel, wanted_gap, np.fmax(perception.gap, CREEP))
+    parameters, closing = drivers.parameters, drivers.speed - perception.lead_speed
+    one = parameters.accel, parameters.comfort, parameters.headway
+    wanted_gap = gap_wanted(ARRAYS, drivers.speed, closing, *one)
+    lost = parameters.accel - keep_gap(ARRAYS, parameters.accel, wanted_gap, np.fmax(perception.gap, CREEP))
     distance = float(perception.stop_distance[which])
     is_stopping = speed < CREEP or speed * speed > 2.0 * BRAKE_FROM * max(distance - STOP_GAP, 0.0)
     lane = int(requests.lane[which])
@@ -186,37 +183,23 @@ class _Look:
         )
         leaving = () if drivers.leaving is None else (drivers.leaving,)
         self.queue = EntryQueue(self._roads, own, *leaving, sibling_entries(conflicts, own), others)
-        after = self.queue.position[:num] + 1
-        lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
-        self._lead_at = lead  # positions in the queue
-        parameters = drivers.parameters
-        # Factors of the squares of speeds
-        self._limit_factor, self._bend_factor = np.square(parameters.speed_factor), drivers.lateral / MAX_LATERAL
-        self._stop_way = np.square(drivers.speed) / (2.0 * parameters.comfort) + STOP_GAP + GAP
-        # One that accelerates would be faster at the places that it foresees, as if bends allowed so much less.
-        self._surplus = 2.0 * drivers.speed * np.fmax(drivers.accel, 0.0) * (SETTLING_TIME + parameters.reaction)
-        self._foresight = foresight(drivers.speed, parameters.reaction)
-        self.perception = Perception(
-            gap=self.queue.tail[lead] - drivers.arc - drivers.nose,
-            lead_speed=self.queue.speed[lead],
-            lead_accel=self.queue.accel[lead],
-            lead=self.queue.source[lead],
-            stop_distance=np.full(num, np.inf),
-            safe_speed=np.empty(num),
-            is_shut_out=np.zeros(num, dtype=bool),
-            is_blocked=np.zeros(num, dtype=bool),
-            queue=self.queue,
-        )
         self.requests = Requests.none(num)
-        self._safe_square = self._find_safe_square()
 
     def look_ahead(self) -> None:
         """Look along the lanes ahead, as far as it matters at each driver's speed."""
+        drivers = self._drivers
+        if 0 < len(drivers.arc) <= FEW:
+            arguments = (self._conflicts, self._may_enter, drivers, self.queue, self.requests)
+            self.perception = look_one_by_one(*arguments)
+            return
+        self._look_at_once()
+
+    def _look_at_once(self) -> None:
+        """Do the same for many drivers."""
+        self._perceive_own_lane()
         drivers, perception, requests = self._drivers, self.perception, self.requests
-        roads, conflicts = self._roads, self._conflicts
+        roads, conflicts, horizon = self._roads, self._conflicts, self._horizon
         self._request_own_lane()
-        # 1.5 times the gap to a standing lead vehicle at which drivers begin to brake.
-        horizon = 1.5 * gap_wanted(drivers.speed, drivers.speed, drivers.parameters) + GAP + drivers.nose
         distance = roads.length[drivers.lanes[0]] - drivers.arc  # from the reference point to the next lane's start
         i = np.arange(len(distance))
         for lanes, exit_lanes in zip(drivers.lanes[1:], [*drivers.lanes[2:], None], strict=True):
@@ -245,6 +228,30 @@ class _Look:
             distance[i] += roads.length[lane]
         perception.safe_speed = np.sqrt(np.fmax(self._safe_square, MIN_SAFE_SPEED**2))
         perception.slow = self._find_slow()
+
+    def _perceive_own_lane(self) -> None:
+        """Perceive the lead vehicles on the drivers' own lanes, and what limit and bends there allow."""
+        drivers, queue, parameters, num = self._drivers, self.queue, self._drivers.parameters, len(self._drivers.arc)
+        after = queue.position[:num] + 1
+        lead = self._lead_at = np.where(queue.lane[after] == drivers.lanes[0], after, queue.num)
+        self.perception = Perception(
+            gap=queue.tail[lead] - drivers.arc - drivers.nose,
+            lead_speed=queue.speed[lead],
+            lead_accel=queue.accel[lead],
+            lead=queue.source[lead],
+            stop_distance=np.full(num, np.inf),
+            safe_speed=np.empty(num),
+            is_shut_out=np.zeros(num, dtype=bool),
+            is_blocked=np.zeros(num, dtype=bool),
+            queue=queue,
+        )
+        start, _, limit, limit_slope, _, bend, bend_slope = self._conflicts.speeds_ahead.take(drivers.point, 0).T
+        self._reach = foresight(drivers.speed, parameters.reaction)
+        self._horizon, self._stop_way, *self._factors, self._safe_square = foresee(
+            *(ARRAYS, drivers.speed, drivers.accel, drivers.nose, drivers.lateral, parameters.speed_factor),
+            *(parameters.accel, parameters.comfort, parameters.headway, parameters.reaction),
+            *(drivers.arc, start, limit, limit_slope, bend, bend_slope),
+        )
 
     def claim(self, num_moving: int) -> IntArray:
         """Give lanes to the drivers that ask, and have drivers stop for intruders.
@@ -287,13 +294,6 @@ class _Look:
             to_line += float(roads.length[lane])
         return Stop.NONE, -1
 
-    def _find_safe_square(self) -> FloatArray:
-        """Return the square of the speed that limit and bends of the drivers' own lanes allow, (k,) [m^2/s^2]."""
-        start, _, limit, limit_slope, _, bend, bend_slope = self._conflicts.speeds_ahead.take(self._drivers.point, 0).T
-        along = self._drivers.arc - start
-        limit, bend = limit + limit_slope * along, bend + bend_slope * along
-        return np.asarray(np.fmin(self._limit_factor * limit, self._bend_factor * bend - self._surplus))
-
     def _slow_down(self, i: IntArray, lane: IntArray, distance: FloatArray) -> None:
         """Lower the speeds for what comes on a lane ahead.
 
@@ -303,13 +303,10 @@ class _Look:
             distance: (m,) from its reference point to the start of that lane [m].
         """
         _, limit, limits, _, bend, bends, _ = self._conflicts.speeds_ahead.take(self._roads.first[lane], 0).T
-        reach = self._foresight[i]
-        # From the first place on that lane that counts to the whole stretch ahead of its start
-        share = np.fmax(1.0 - distance / reach, 0.0)
-        limit, bend = limit + share * (limits - limit), bend + share * (bends - bend)
-        braking = 2.0 * self._drivers.parameters.comfort[i] * np.fmax(distance - reach, 0.0)
-        enter = np.fmin(self._limit_factor[i] * limit, self._bend_factor[i] * bend - self._surplus[i])
-        self._safe_square[i] = np.fmin(self._safe_square[i], enter + braking)
+        limit_factor, bend_factor, surplus = (factor[i] for factor in self._factors)
+        mine = self._reach[i], self._drivers.parameters.comfort[i], limit_factor, bend_factor, surplus
+        square = slow_down(ARRAYS, distance, *mine, limit, limits, bend, bends)
+        self._safe_square[i] = np.fmin(self._safe_square[i], square)
 
     def _request_own_lane(self) -> None:
         """Request the driver's own lane where that crosses others only farther on, beyond its wait point."""
@@ -344,7 +341,7 @@ class _Look:
         if not len(closed):
             return
         at = i[closed]
-        needed = firm_stop(drivers.speed[at], drivers.accel[at], drivers.parameters.reaction[at])
+        needed = firm_stop(ARRAYS, drivers.speed[at], drivers.accel[at], drivers.parameters.reaction[at])
         stops = closed[needed < to_line[closed]]
         at = i[stops]
         perception.stop_distance[at] = np.fmin(perception.stop_distance[at], to_line[stops])
@@ -378,8 +375,4 @@ class _Look:
             leaves[drivers.leaving.source] = True
             counts |= leaves[queue.source[lead]]
         at = (counts & (queue.lane[following] == queue.lane[lead]) & (lead < queue.num)).nonzero()[0]
-        if not len(at):
-            return None
-        lead, following = lead[at], following[at]
-        gap = perception.gap[at] + queue.tail[following] - queue.tail[lead]
-        return SlowVehicles(at, gap, queue.speed[following], queue.accel[following])
+        return SlowVehicles.next_to(queue, perception.gap, lead, at) if len(at) else None

@@ -208,6 +208,7 @@ class EntryQueue:
         num: entries, without the one at the end; also the position of that one.
         position: (num,) int64, the position in the queue of each entry as given.
         lane, s, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
+        first: (l + 1,) int64, the position of the first entry on each lane; `num` where there is none, and for lane -1.
 
     Args:
         parts: sets of entries, in any order.
@@ -240,13 +241,12 @@ class EntryQueue:
         self.position[order[:num]] = index[:num]
         self.lane, self.source = codes.take(order, axis=1)
         self.s, self.tail, self.speed, self.accel = figures.take(order, axis=1)
-        # The first entry on each lane, and at the end for lane -1.
-        self._first = np.empty(len(roads) + 1, dtype=np.int64)
-        self._first.fill(num)
+        self.first = np.empty(len(roads) + 1, dtype=np.int64)
+        self.first.fill(num)
         is_first = np.ones(num, dtype=bool)
         np.not_equal(self.lane[1:-1], self.lane[:-2], is_first[1:])
         first = is_first.nonzero()[0]
-        self._first[self.lane[first]] = first
+        self.first[self.lane[first]] = first
 
     def find(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the positions of the first entries at or beyond places on lanes, of whatever lane, (k,) int64.
@@ -260,7 +260,7 @@ class EntryQueue:
 
     def first_on(self, lane: IntArray) -> IntArray:
         """Return the position of the first entry on each lane, (k,) int64; `num` where the lane is empty."""
-        return self._first.take(lane)
+        return self.first.take(lane)
 
 
 def _keys(roads: Roads, place: FloatArray, lane: IntArray) -> IntArray:

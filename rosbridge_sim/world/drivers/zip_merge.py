@@ -17,6 +17,7 @@ import numpy as np
 
 from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, HARDEST, gap_wanted, keep_gap
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 
@@ -80,8 +81,10 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     before = from_join - joins.shared[join[at]]
     gap = np.fmax(from_join - (to_join - tail)[first] + EASE * np.fmax(before, 0.0), CREEP)
     closing = drivers.speed[index] - speed[first]
-    wanted = gap_wanted(drivers.speed[index], closing, drivers.parameters.take(index))
-    braked = keep_gap(drivers.parameters.accel[index], wanted, gap)
+    parameters = drivers.parameters.take(index)
+    own_accel, comfort, headway = parameters.accel, parameters.comfort, parameters.headway
+    wanted = gap_wanted(ARRAYS, drivers.speed[index], closing, own_accel, comfort, headway)
+    braked = keep_gap(ARRAYS, own_accel, wanted, gap)
     chosen = accel.copy()
     chosen[index] = np.fmin(accel[index], np.fmax(braked, np.where(before > 0.0, -FIRM, -HARDEST)))
     return chosen

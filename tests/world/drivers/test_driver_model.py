@@ -19,6 +19,7 @@ from rosbridge_sim.world.drivers.driver_model import (
     keep_gap,
 )
 from rosbridge_sim.world.drivers.driver_parameters import CAR, FIGURES, DriverParameters
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 
@@ -167,9 +168,11 @@ def test_wanted_gap_and_its_acceleration_are_those_of_the_paper() -> None:
     a, b, headway = (value.item() for value in (driver.accel, driver.comfort, driver.headway))
     for speed, closing in [(10.0, 3.0), (20.0, -30.0), (0.0, 5.0)]:
         wanted = 2.5 + max(speed * headway + speed * closing / (2.0 * math.sqrt(a * b)), 0.0)
-        assert gap_wanted(np.array([speed]), np.array([closing]), driver).item() == pytest.approx(wanted)
+        assert gap_wanted(
+            ARRAYS, np.array([speed]), np.array([closing]), driver.accel, driver.comfort, driver.headway
+        ).item() == pytest.approx(wanted)
         for gap, power in [(0.5 * wanted, 2), (2.0 * wanted, 4)]:
-            found = keep_gap(driver.accel, np.array([wanted]), np.array([gap])).item()
+            found = keep_gap(ARRAYS, driver.accel, np.array([wanted]), np.array([gap])).item()
             assert found == pytest.approx(a * (1.0 - (wanted / gap) ** power))
 
 
@@ -200,9 +203,9 @@ def test_no_acceleration_is_beyond_the_bounds() -> None:
 def test_firm_stop_ends_at_the_same_place_at_each_moment_of_it() -> None:
     speed, accel, place, dt = 14.0, 1.0, 0.0, 1e-3
     reaction = np.full(1, 0.3)
-    expected = firm_stop(np.full(1, speed), np.full(1, accel), reaction)
+    expected = firm_stop(ARRAYS, np.full(1, speed), np.full(1, accel), reaction)
     while speed > 11.0:
         accel += (-4.0 - accel) * dt / 0.3
         speed, place = speed + accel * dt, place + speed * dt
-        now = place + firm_stop(np.full(1, speed), np.full(1, accel), reaction)
+        now = place + firm_stop(ARRAYS, np.full(1, speed), np.full(1, accel), reaction)
         assert now == pytest.approx(expected, abs=0.02)

@@ -14,6 +14,7 @@ from rosbridge_sim.world.drivers.driver_model import Perception, firm_stop
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.followers.lane_following import DECISION
 from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -290,7 +291,9 @@ def test_vehicle_stops_at_yellow_if_it_can(distance: float) -> None:
     row = car(world, "w", 190.0 - NOSE - distance, speed=14.0)
     when = enters(world, row, 4.0)
     driver = parameters(world)
-    can_stop = distance - 14.0 * DECISION * DT > firm_stop(np.array([14.0]), np.zeros(1), driver.reaction[[row]])
+    can_stop = distance - 14.0 * DECISION * DT > firm_stop(
+        ARRAYS, np.array([14.0]), np.zeros(1), driver.reaction[[row]]
+    )
     assert (when is None) == can_stop
     assert when is None or when <= 3.1, "he is over the line while it is yellow"
     assert world.accel.min() > -5.0
