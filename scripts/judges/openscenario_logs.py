@@ -10,23 +10,25 @@ from __future__ import annotations
 
 import csv
 import gzip
+import math
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.scenarios.openscenario.places import StoryMap
+from rosbridge_sim.records import replace
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.message_types import read_types
 from rosbridge_sim.shell.files.story_files import StoryOptions
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings
-from rosbridge_sim.simulator.story.told_story import ToldStory
-from rosbridge_sim.world.state.world import DT, World
+from rosbridge_sim.simulator.story.stories import Stories
+from rosbridge_sim.world.state.world import DT, Body, World
 
 COMMON = 0.1
 """Time between frames that both have [s]."""
@@ -54,31 +56,40 @@ def read_log(path: Path) -> dict[str, Rows]:
     return {name: np.array(rows) for name, rows in found.items()}
 
 
-def tell(path: Path, seconds: float, *, is_lenient: bool) -> tuple[dict[str, Rows], list[str]]:
-    """Return the same of a story that is told here, and when its events began."""
+class Run(NamedTuple):
+    """A story that was told: rows and bodies of its entities, times at which events began, and when it was over."""
+
+    rows: dict[str, Rows]
+    bodies: dict[str, Body]
+    events: dict[str, float]
+    over: float
+
+
+def tell(path: Path, seconds: float, map_name: str | None = None, *, is_lenient: bool = False) -> Run:
+    """Tell a story in frames of the world, with `--ego story`, and on another map if one is named."""
     library = DiskLibrary(stories=StoryOptions(is_lenient=is_lenient, drives_ego=True))
     scenario = library.opening_scenario(str(path))
+    scenario = replace(scenario, map_name=map_name or scenario.map_name)
     node = make_node(Bus(read_types(Settings())[1]), World(), library, scenario, NodeSettings(start="sync"))
-    scene, story = node.context.scene, scenario.story
-    assert story is not None
-    world, others = node.context.world, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
-    told = ToldStory(scene, story, others, StoryMap.of(scene.road_map))
-    told.open()
+    told, world = node.component(Stories).told, node.context.world
+    assert told is not None
     found: dict[str, list[list[float]]] = {name: [] for name in told.state.actors}
-    begun: dict[int, float] = {}
-    for frame in range(round(seconds / DT) + 2):
+    begun: dict[str, float] = {}
+    over = math.nan
+    for frame in range(math.ceil(seconds / DT) + 2):
         for name, actor in told.state.actors.items():
             if actor.uid in world:
                 row = world.row(actor.uid)
                 found[name].append([frame * DT, *(getattr(world, key)[row] for key in ("x", "y", "z", "speed"))])
         for number, part in enumerate(told.board.parts):
             if part.kind == "Event" and told.state.board.counts[number]:
-                begun.setdefault(number, told.time())
-        told.move()
-        world.frame += 1
-        told.tell()
-    events = [f"{told.board.parts[number].name} {time:.2f}" for number, time in begun.items()]
-    return {name: np.array(rows) for name, rows in found.items() if rows}, events
+                begun.setdefault(f"{told.board.parts[part.parent].name}/{part.name}", told.time())
+        if told.state.board.is_over and math.isnan(over):
+            over = told.time()
+        node.context.stepper.compute(0.0, is_tick=True, is_last=True)
+    spawns = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
+    rows = {name: np.array(each) for name, each in found.items() if each}
+    return Run(rows, {each.name: each.model.body for each in spawns}, begun, over)
 
 
 def compare(ours: Rows, theirs: Rows) -> tuple[float, float, float, float]:
@@ -110,17 +121,18 @@ def main() -> int:
         theirs = read_log(log)
         seconds = max(rows[-1, 0] for rows in theirs.values())
         try:
-            ours, events = tell(folder / "xosc" / f"{name}.xosc", seconds, is_lenient=name in wanted)
+            run = tell(folder / "xosc" / f"{name}.xosc", seconds, is_lenient=name in wanted)
         except DocumentError as error:
             print(f"{name}: refused: {error}")
             continue
+        events = [f"{event.rpartition('/')[2]} {time:.2f}" for event, time in run.events.items()]
         print(f"{name}: {seconds:.1f} s; events: {', '.join(events)}")
         for entity, rows in theirs.items():
-            if entity not in ours:
+            if entity not in run.rows:
                 print(f"  {entity}: is not here")
                 is_good = False
                 continue
-            place, speed, time, shift = compare(ours[entity], rows)
+            place, speed, time, shift = compare(run.rows[entity], rows)
             verdict = "good" if place <= GOOD[0] and speed <= GOOD[1] else "differs"
             is_good &= verdict == "good"
             print(f"  {entity}: {verdict}, {place:.2f} m {speed:.2f} m/s at {time:.2f} s (shifted by {shift:.2f} s)")

@@ -307,8 +307,10 @@ def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     # Brakes and throttle may be released at any rate, as in esmini.
     accel = running.numbers["accel"] = min(before + up, accel) if accel > 0.0 else max(before - down, accel)
     actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * STORY_STEP)))
-    is_there = abs(error) < NEAR and abs(reference.speed - actor.speed) < NEAR
-    return is_there and not item["continuous"]
+    if item["continuous"] or abs(error) >= NEAR or abs(reference.speed - actor.speed) >= NEAR:
+        return False
+    actor.speed = reference.speed
+    return True
 
 
 def _begin_side(_stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
@@ -529,17 +531,20 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     master = stage.cast.find(item["masterEntityRef"])
     own, other = (MapPlace(*point[:4]) for point in running.points[:2])
     way = stage.measures.way_to(running.entity, own)
-    time = stage.measures.way_to(item["masterEntityRef"], other) / max(master.speed, 1e-6)
-    if time <= STORY_STEP or way <= NEAR + item.get("targetTolerance", 0.0):
+    masters = stage.measures.way_to(item["masterEntityRef"], other)
+    time = masters / max(master.speed, 1e-6)
+    is_near = way <= item.get("targetTolerance", 0.0) and masters <= item.get("targetToleranceMaster", 0.0)
+    end = item.find("FinalSpeed")
+    final = actor.speed if end is None else _final(end.part(), master.speed)
+    if time <= STORY_STEP or way <= NEAR or is_near:
+        actor.speed = _bounded(final)
         return True
-    final = item.find("FinalSpeed")
-    if final is None:
+    if end is None:
         accel = 3.0 * (way - actor.speed * time) / (time * time)
     else:
-        accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * _final(final.part(), master.speed)) / time
-    body = stage.bodies[running.entity]
-    accel = max(-(body.max_decel or NO_LIMIT), min(body.max_accel or NO_LIMIT, accel))
-    actor.speed = max(0.0, _bounded(actor.speed + accel * STORY_STEP))
+        accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * final) / time
+    top = stage.bodies[running.entity].top_speed or MAX_SPEED
+    actor.speed = max(0.0, min(top, _bounded(actor.speed + accel * STORY_STEP)))
     return False
 
 

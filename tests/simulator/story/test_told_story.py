@@ -265,6 +265,63 @@ def test_synchronized_cars_arrive_together() -> None:
     assert telling.speed("Car") == pytest.approx(12.0, abs=0.2)
 
 
+@pytest.mark.parametrize(("own", "final"), [(120.0, 8.0), (260.0, 10.0), (100.0, None)])
+def test_arrival_with_the_master_goes_before_the_performance(own: float, final: float | None) -> None:
+    target = link("middle", 120).replace("Position>", "TargetPositionMaster>")
+    place = link("right", own).replace("Position>", "TargetPosition>")
+    end = "" if final is None else f'<FinalSpeed><AbsoluteSpeed value="{final}"/></FinalSpeed>'
+    meet = f'<SynchronizeAction masterEntityRef="Ego">{target}{place}{end}</SynchronizeAction>'
+    meet = f"<PrivateAction>{meet}</PrivateAction>"
+    telling = Telling(story(with_car(20.0, v=0.0, lane="right"), group("Car", event("meet", meet, after(0)))))
+    telling.run(10.0)  # the ego has 100 m at 10 m/s
+    assert telling.x("Ego") == pytest.approx(120.0)
+    assert telling.x("Car") == pytest.approx(own, abs=0.2)
+    telling.run(0.1)
+    # Without a final speed the least accelerations fall evenly to 0: 1.5 times the mean speed.
+    assert telling.speed("Car") == pytest.approx(1.5 * (own - 20.0) / 10.0 if final is None else final, abs=0.2)
+
+
+def test_shifts_to_the_side_follow_each_other_at_their_times() -> None:
+    def shift(value: float) -> str:
+        goal = f'<LaneOffsetTarget><AbsoluteTargetLaneOffset value="{value}"/></LaneOffsetTarget>'
+        dynamics = '<LaneOffsetActionDynamics dynamicsShape="sinusoidal" maxLateralAcc="2"/>'
+        return lateral(f'<LaneOffsetAction continuous="false">{dynamics}{goal}</LaneOffsetAction>')
+
+    def behind(name: str, delay: float) -> str:
+        return state_of("action", f"{name} action", "endTransition", delay=delay, edge="rising")
+
+    events = (
+        event("a", shift(1.5), after(1)),
+        event("b", shift(0), behind("a", 1)),
+        event("c", shift(-1), behind("b", 0)),
+    )
+    telling = Telling(story(with_car(), group("Car", *events)))
+    begun: dict[str, float] = {}
+    for _ in range(400):
+        telling.run(0.02)
+        begun |= {name: telling.told.time() for name in "abc" if name not in begun and telling.began("Event", name)}
+    long = math.pi * math.sqrt(1.5 / 4.0)  # pi sqrt(d / 2 a)
+    assert begun["a"] == pytest.approx(1.0)
+    assert begun["b"] == pytest.approx(2.0 + long, abs=0.1)
+    assert begun["c"] == pytest.approx(2.0 + 2.0 * long, abs=0.2)
+    assert telling.y("Car") == -1.0
+
+
+def test_a_lead_car_brakes_and_the_story_ends_a_time_later() -> None:
+    brake = event("brake", speed(0, "linear", "rate", 5), after(2, edge="rising"))
+    stop = trigger(state_of("action", "brake action", "completeState", delay=1, edge="rising"), tag="x")[3:-4]
+    telling = Telling(story(with_car(), group("Car", brake), stop=stop))
+    telling.run(3.9)
+    assert telling.speed("Car") == pytest.approx(0.5)
+    telling.run(0.2)
+    assert telling.speed("Car") == 0.0
+    assert telling.x("Car") == pytest.approx(60.0 + 20.0 + 10.0, abs=0.5 * 10.0 * 0.05)
+    telling.run(0.8)
+    assert not telling.told.state.board.is_over
+    telling.run(0.3)
+    assert telling.told.state.board.is_over
+
+
 def test_a_speed_profile_goes_through_its_entries() -> None:
     entries = "".join(f'<SpeedProfileEntry time="{t}" speed="{v}"/>' for t, v in ((0, 0), (2, 10), (2, 4)))
     profile = longitudinal(f'<SpeedProfileAction followingMode="position">{entries}</SpeedProfileAction>')
