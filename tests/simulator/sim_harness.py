@@ -27,7 +27,7 @@ from rosbridge_sim.simulator.sensors.drawing import SensorWorker
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Dynamics, World
-from tests.simulator.small_maps import ROADRUNNER, read
+from tests.simulator.small_maps import tiny
 
 __all__ = [
     "ALL",
@@ -94,12 +94,27 @@ def make_store(release: str = "22.R2", ros: Generation = 1) -> Store:
     return Store(read_definitions(release), leniency=LENIENCY, ros=ros)
 
 
-@cache
 def _roads(name: str) -> Roads:
     import numpy as np  # noqa: PLC0415 - for this alone
 
     line = np.array([[0.0, 0.0, 0.0], [0.0, 100.0, 10.0]])
     return Roads(["up"], [line], [[]], [3.5], [10.0]) if name == "hills" else Roads()
+
+
+# A scenario and a map never change, and neither does what is computed of its roads.
+_scenario = cache(read_scenario)
+
+
+@cache
+def _map(name: str) -> RoadMap:
+    if name == "track":
+        return RoadMap(name, Projection(is_tm=False, zone=52), (300.0, 400.0, 5.0), _roads(name))
+    if name == "tiny":
+        return tiny()
+    if name == "hills":
+        projection = Projection(is_tm=True, central_latitude=38.0, central_meridian=127.0, false_easting=200_000.0)
+        return RoadMap(name, projection, (0.0, 0.0, 0.0), _roads(name))
+    raise DocumentError(f"no map {name!r}")
 
 
 class MemoryLibrary:
@@ -113,18 +128,11 @@ class MemoryLibrary:
             return read_scenario(b'{"egoVehicle": ', "torn.json")
         if name not in SCENARIOS:
             raise DocumentError(f"no scenario {name!r}")
-        return read_scenario(json.dumps(SCENARIOS[name]).encode(), f"{name}.json")
+        return _scenario(json.dumps(SCENARIOS[name]).encode(), f"{name}.json")
 
     def map(self, name: str) -> RoadMap:
         self.num_maps_read += 1
-        if name == "track":
-            return RoadMap(name, Projection(is_tm=False, zone=52), (300.0, 400.0, 5.0), _roads(name))
-        if name == "tiny":
-            return read(ROADRUNNER)
-        if name == "hills":
-            projection = Projection(is_tm=True, central_latitude=38.0, central_meridian=127.0, false_easting=200_000.0)
-            return RoadMap(name, projection, (0.0, 0.0, 0.0), _roads(name))
-        raise DocumentError(f"no map {name!r}")
+        return _map(name)
 
 
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from rosbridge_sim.simulator.scene.load import WHOLE, LoadOptions
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.world.state.world import Gear, Kind, World
 from rosbridge_sim.world.step import step
-from tests.simulator.small_maps import ROADRUNNER, read
+from tests.simulator.small_maps import ROADRUNNER, read, tiny
 from tests.world.road_factory import built_in
 
 LINK = {"initPositionMode": "Link", "initLink": "A1B1", "initLinkRatio": 0.25}
@@ -130,7 +130,7 @@ class TinyLibrary:
     """The hand-written map under any name but one."""
 
     def __init__(self) -> None:
-        self.tiny = read(ROADRUNNER)
+        self.tiny = tiny()
 
     def scenario(self, name: str) -> Scenario:
         raise DocumentError(name)

@@ -20,7 +20,7 @@ from rosbridge_sim.world.geometry.planar import arc_lengths, nearest_on_polyline
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.world import World
 from tests.simulator.sim_harness import Client, make_store
-from tests.simulator.small_maps import ROADRUNNER, read
+from tests.simulator.small_maps import tiny
 from tests.world.polylines import point_at
 
 __all__ = ["Crossroads", "Driver", "RouteLine", "StopLineObserver", "Town"]
@@ -30,7 +30,7 @@ class TinyLibrary(DiskLibrary):
     """The hand-written crossing as the map `tiny`, beside the built-in ones."""
 
     def map(self, name: str) -> RoadMap:
-        return read(ROADRUNNER) if name == "tiny" else super().map(name)
+        return tiny() if name == "tiny" else super().map(name)
 
 
 class Crossroads:

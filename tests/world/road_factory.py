@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from rosbridge_sim.maps.map_formats import MAP_FILES, read_map
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -21,10 +20,9 @@ CAR = Body()
 MAPS = Path(__file__).resolve().parents[2] / "rosbridge_sim" / "data" / "maps"
 
 
-@cache  # a map never changes, and neither does what is computed of its roads
 def built_in(name: str) -> RoadMap:
-    folder = MAPS / name
-    return read_map({file: (folder / file).read_bytes() for file in MAP_FILES if (folder / file).exists()}, name)
+    """A map never changes, and neither does what is computed of its roads: a library keeps it for all."""
+    return DiskLibrary().map(name)
 
 
 def line(*corners: tuple[float, float], z: float = 0.0) -> FloatArray:

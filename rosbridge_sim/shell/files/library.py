@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from glob import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.map_formats import FILE_FORMATS, MAP_FILES, find_file_format, read_map
@@ -53,6 +53,11 @@ MAX_NAMES_LISTED = 20
 MIN_AGE = 2.0
 """A younger scenario file is not cached [s]. It may change again with the same modification time, because FAT counts in
 steps of two seconds. Programs write a scenario, load it, and write the next one to the same file."""
+
+
+_BUILT_IN_MAPS: Final = DocumentCache()
+"""The built-in maps, with what was computed of their roads. All libraries of a process share them: environments have
+one each."""
 
 
 class DiskLibrary:
@@ -260,7 +265,8 @@ class DiskLibrary:
         path = self.map_path(name)
         plan = self._own_signal_plan
         files = [*self.map_files(name), *([] if plan is None else [plan])]
-        return self._cache.get("map", path, files, lambda: read_map_at(path, plan))
+        cache = _BUILT_IN_MAPS if plan is None and path.is_relative_to(DATA) else self._cache
+        return cache.get("map", path, files, lambda: read_map_at(path, plan))
 
     def map_files(self, name: str) -> list[Path]:
         """Return the files of a map.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import pickle
+import shutil
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +13,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.document_cache import DocumentCache
-from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.library import DATA, DiskLibrary
 
 LONG_AGO = 1_000_000_000 * 10**9  # [ns]
 PARKED = b'{"egoVehicle": {"initPosition": {"pos": {"x": 1, "y": 2}}}}'
@@ -159,7 +161,14 @@ def test_library_caches_maps_and_scenarios(tmp_path: Path) -> None:
     library = DiskLibrary([tmp_path])
     assert library.map("track") is library.map("track")
     assert library.scenario("mine") is library.scenario("mine.json")
-    assert DiskLibrary().map("track") is not library.map("track")
+
+
+def test_libraries_share_the_built_in_maps_and_no_others(tmp_path: Path) -> None:
+    shutil.copytree(DATA / "maps" / "track", tmp_path / "own")
+    first, second = DiskLibrary(), DiskLibrary([tmp_path])
+    assert first.map("track") is second.map("track") is pickle.loads(pickle.dumps(first)).map("track")  # noqa: S301
+    own = [DiskLibrary(own_map=str(tmp_path / "own")).map("track") for _ in range(2)]
+    assert len({id(each) for each in (*own, first.map("track"))}) == 3
 
 
 def test_library_reads_a_just_rewritten_scenario_again(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.scenarios.scenario import Scenario
+from rosbridge_sim.shell.files.document_cache import DocumentCache
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.morai_services.loads import _read_documents
 from rosbridge_sim.simulator.node_factory import make_node
@@ -593,7 +594,10 @@ def test_slow_disk_changes_no_byte_for_a_subscriber_beside_a_master_and_a_loader
 
 
 @pytest.mark.parametrize(("name", "traffic"), [("rush_hour", 0), ("town", 0), ("hills", 20), ("parking", 20)])
-def test_first_frames_compute_nothing_of_the_roads_that_reading_has_not(name: str, traffic: int) -> None:
+def test_first_frames_compute_nothing_of_the_roads_that_reading_has_not(
+    name: str, traffic: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rosbridge_sim.shell.files.library._BUILT_IN_MAPS", DocumentCache())  # nothing is known yet
     library, reader, bus = DiskLibrary(), ManualReader(), Bus(make_store())
     settings = NodeSettings(start="sync", traffic=traffic)
     node = make_node(bus, World(0), library, library.scenario("loop"), settings, reader=reader)

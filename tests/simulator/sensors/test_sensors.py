@@ -68,7 +68,7 @@ def test_projected_gps_minus_offsets_equals_the_ego_position() -> None:
 
 def test_map_without_georeference_gives_no_fix(caplog: pytest.LogCaptureFixture) -> None:
     harness, client = in_sync()
-    object.__setattr__(harness.node.scene.road_map, "projection", NO_PROJECTION)
+    harness.node.scene.road_map = replace(harness.node.scene.road_map, projection=NO_PROJECTION)
     client.listen("/gps")
     client.tick()
     gps = last(client, "/gps")
@@ -79,7 +79,7 @@ def test_map_without_georeference_gives_no_fix(caplog: pytest.LogCaptureFixture)
 def test_map_without_a_usable_projection_gives_no_fix(caplog: pytest.LogCaptureFixture) -> None:
     harness, client = in_sync()
     road_map = harness.node.scene.road_map
-    object.__setattr__(road_map, "projection", replace(road_map.projection, ellipse="bogus"))
+    harness.node.scene.road_map = replace(road_map, projection=replace(road_map.projection, ellipse="bogus"))
     client.listen("/gps")
     for _ in range(3):
         client.tick()
