@@ -20,6 +20,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from typing import Annotated, Final, NoReturn, Protocol
 
 from msgspec import Meta
@@ -89,6 +90,12 @@ class InterfaceChoice:
         )
 
 
+@lru_cache(maxsize=1024)
+def _usual(name: str) -> InterfaceChoice:
+    """Return the choice for an item of which no settings say anything."""
+    return InterfaceChoice(name, is_on=True)
+
+
 @dataclass(frozen=True, slots=True)
 class NetworkSettings:
     """Choices for all items; none is required.
@@ -118,8 +125,8 @@ class NetworkSettings:
             prefix: `/` for an item of the world or the first ego, else the prefix of a further ego.
         """
         choices = self.choices(kind)
-        if not choices:  # the usual case, asked hundreds of times when egos come
-            return InterfaceChoice(default if prefix == "/" else prefix + default[1:], is_on=True)
+        if not choices:  # the usual case, asked hundreds of times when a simulator starts or egos come
+            return _usual(default if prefix == "/" else prefix + default[1:])
         choice = choices.get(default, _NOTHING).over(InterfaceChoice(default, is_on=True))
         if prefix == "/" or choice.name is None:
             return choice
