@@ -389,8 +389,14 @@ def test_two_entities_that_use_up_their_margins_at_once_collide() -> None:
 def heap(num: int, *, ego: int = -1) -> World:
     """So many cars in one place."""
     world = World()
-    for i in range(num):
-        world.spawn(Kind.EGO if i == ego else Kind.VEHICLE, CAR, name="x", x=0.0, y=0.0)
+
+    def add(uids: range) -> None:
+        world.spawn_all(Kind.VEHICLE, ["x"] * len(uids), [CAR] * len(uids), uids, speed=np.zeros(len(uids)))
+
+    add(range(1, max(ego, 0) + 1))
+    if ego >= 0:
+        world.spawn(Kind.EGO, CAR, name="x", x=0.0, y=0.0, uid=ego + 1)
+    add(range(ego + 2, num + 1))
     return world
 
 

@@ -94,7 +94,7 @@ def test_wide_body_keeps_off_the_borders_of_its_lane() -> None:
     roads.border[:] = 1.5
     world = world_of(roads)
     row = wanderer(world, 0, 10.0, body=BUS, wander=0.3)
-    y = places(world, row, 2000)[:, 1]
+    y = places(world, row, 1200)[:, 1]
     assert 0.1 < np.abs(y).max() < 0.16
 
 

@@ -21,16 +21,16 @@ from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, ma
 @pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
 def test_crossing_vehicles_take_turns(offset: float) -> None:
     world = world_of(crossing())
-    rows = [car(world, "w", 60.0, speed=12.0), car(world, "s", 60.0 - offset, speed=12.0)]
-    run(world, 30.0)
+    rows = [car(world, "w", 120.0, speed=12.0), car(world, "s", 120.0 - offset, speed=12.0)]
+    run(world, 18.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
 
 
 def test_nearer_vehicle_goes_first_without_braking() -> None:
     world = world_of(crossing())
-    near = car(world, "w", 100.0, speed=12.0, desired_speed=12.0)
-    far = car(world, "s", 60.0, speed=12.0, desired_speed=12.0)
-    speeds = run(world, 20.0)
+    near = car(world, "w", 110.0, speed=12.0, desired_speed=12.0)
+    far = car(world, "s", 70.0, speed=12.0, desired_speed=12.0)
+    speeds = run(world, 13.0)
     assert speeds[:, near].min() > 11.5
     assert speeds[:, far].min() < 11.0
 
@@ -38,7 +38,7 @@ def test_nearer_vehicle_goes_first_without_braking() -> None:
 def first_across(order: str, behind: float, seed: int, *, desired_speed: float = math.inf) -> str:
     """The street of the driver that enters the crossing first; the one from the south comes from so much farther."""
     world = world_of(crossing(), seed=seed)
-    begin = {"w": 90.0, "s": 90.0 - behind}
+    begin = {"w": 120.0, "s": 120.0 - behind}
     rows = [car(world, lane, begin[lane], speed=12.0, desired_speed=desired_speed) for lane in order]
     for _ in range(1000):
         step(world)
@@ -67,16 +67,16 @@ def test_four_drivers_that_are_equally_near_all_get_through() -> None:
         for part, (start, end) in enumerate(pairwise(places)):
             lanes[f"{name}{part}"] = line(start, end), f"{name}{part + 1}" if part < 2 else ""
     world = world_of(make(**lanes))
-    rows = [car(world, f"{name}0", 80.0, speed=10.0, desired_speed=10.0) for name in ways]
-    run(world, 40.0)
+    rows = [car(world, f"{name}0", 100.0, speed=10.0, desired_speed=10.0) for name in ways]
+    run(world, 25.0)
     assert [lane_of(world, row) for row in rows] == [f"{name}2" for name in ways]
 
 
 def test_crossing_streams_both_get_through() -> None:
     world = world_of(crossing())
-    rows = [car(world, lane, 30.0 + 25.0 * i, speed=8.0) for i in range(6) for lane in ("w", "s")]
-    run(world, 60.0)
-    assert [lane_of(world, row) for row in rows] == ["e", "n"] * 6
+    rows = [car(world, lane, 100.0 + 20.0 * i, speed=8.0) for i in range(4) for lane in ("w", "s")]
+    run(world, 30.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"] * 4
 
 
 def test_merging_lanes_are_entered_one_by_one() -> None:
@@ -86,17 +86,17 @@ def test_merging_lanes_are_entered_one_by_one() -> None:
         c=(line((200, 0), (900, 0)), ""),
     )
     world = world_of(roads)
-    rows = [car(world, lane, 10.0 + 20.0 * i, speed=10.0) for i in range(5) for lane in ("a", "b")]
-    run(world, 60.0)
+    rows = [car(world, lane, 80.0 + 20.0 * i, speed=10.0) for i in range(4) for lane in ("a", "b")]
+    run(world, 40.0)
     assert {lane_of(world, row) for row in rows} == {"c"}
 
 
 def test_vehicle_does_not_enter_a_crossing_that_it_cannot_leave() -> None:
     world = world_of(crossing())
     blocker = car(world, "e", 4.0, desired_speed=0.0)
-    waiting = car(world, "w", 100.0, speed=10.0)
-    crosses = car(world, "s", 60.0, speed=10.0)
-    run(world, 30.0)
+    waiting = car(world, "w", 140.0, speed=10.0)
+    crosses = car(world, "s", 100.0, speed=10.0)
+    run(world, 18.0)
     assert (lane_of(world, waiting), lane_of(world, crosses)) == ("w", "n")
     world.remove(int(world.uid[blocker]))
     run(world, 10.0)
@@ -108,8 +108,8 @@ def test_vehicle_enters_a_crossing_with_room_for_itself_and_its_gap_behind(spare
     """Who enters without room for the gap comes to a stand with its tail on the crossing."""
     world = world_of(crossing())
     car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, desired_speed=0.0)
-    row = car(world, "w", 150.0, speed=8.0)
-    run(world, 30.0)
+    row = car(world, "w", 160.0, speed=8.0)
+    run(world, 15.0)
     assert lane_of(world, row) == lane
 
 
@@ -148,7 +148,7 @@ def test_vehicle_avoids_a_full_street() -> None:
         world = world_of(roads, seed=seed)
         car(world, "d", 3.0, desired_speed=0.0)
         row = car(world, "a", 70.0, speed=8.0)
-        run(world, 30.0)
+        run(world, 20.0)
         assert lane_of(world, row) == "e"
     world = world_of(roads)
     car(world, "d", 3.0, desired_speed=0.0)
@@ -170,7 +170,7 @@ def test_drivers_with_green_brake_for_an_ego_that_runs_red(speed: float, distanc
     world = world_of(roads, plan)
     red_runner(world, speed, distance)
     rows = [car(world, "w", 170.0 - 28.0 * i, speed=13.0) for i in range(5)]
-    run(world, 25.0)  # without a contact
+    run(world, 20.0)  # without a contact
     assert {lane_of(world, row) for row in rows} == {"e"}, "and they go on behind it"
 
 
@@ -215,7 +215,7 @@ def test_vehicle_avoids_a_crossing_in_which_something_stands() -> None:
         world = world_of(roads, seed=seed)
         world.spawn(Kind.OBSTACLE, Body.box(2.0, 2.0, 1.0), name="thing", x=118.5, y=0.0)
         row = car(world, "a", 70.0, speed=8.0)
-        run(world, 25.0)
+        run(world, 20.0)
         assert lane_of(world, row) == "e"
 
 
@@ -308,9 +308,9 @@ def test_driver_at_a_stop_line_is_let_in_beside_a_full_road() -> None:
     lines = [line((-1500, 0), (-10, 0)), line((-10, 0), (10, 0)), line((10, 0), (900, 0))]
     lines += [line((0, -200), (0, -10)), line((0, -10), (0, 10)), line((0, 10), (0, 400))]
     world = world_of(Roads(ids, lines, ahead, [3.5] * 6, [12.0] * 6, is_stop=[False] * 3 + [True] + [False] * 2))
-    for i in range(80):
-        car(world, "w", 10.0 + 18.0 * i, speed=10.0)
-    waiting = car(world, "s", 60.0, speed=5.0)
-    run(world, 75.0)
+    for i in range(60):
+        car(world, "w", 370.0 + 18.0 * i, speed=10.0)
+    waiting = car(world, "s", 130.0, speed=5.0)
+    run(world, 50.0)
     assert lane_of(world, waiting) == "n"
     assert (world.lane[world.has_lane] == world.roads.row("w")).any()

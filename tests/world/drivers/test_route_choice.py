@@ -15,7 +15,7 @@ from tests.world.wide_roads import wide_ring
 
 
 def ways(others: int = 0) -> str:
-    """The lanes that somebody comes through in forty seconds."""
+    """The first four lanes that somebody comes through, in at most forty seconds."""
     world = world_of(ring())
     row = car(world, "a", 1.0, speed=10.0)
     for i in range(others):
@@ -24,6 +24,8 @@ def ways(others: int = 0) -> str:
     for _ in range(2000):
         step(world)
         seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
+        if len(seen) == 4:
+            break
     return seen
 
 
@@ -35,15 +37,14 @@ def planned(seed: int) -> str:
 
 
 def test_random_choices_depend_only_on_the_seed() -> None:
-    assert ways().startswith(planned(0)[:4])
-    assert ways(others=2).startswith(planned(0)[:4])
+    assert ways() == ways(others=2) == planned(0)[:4]
     assert len({planned(seed) for seed in range(20)}) == 4, "two choices in five lanes"
     assert planned(2**70) == planned(2**70)
 
 
 def test_route_is_followed_and_random_choices_go_on_after_it() -> None:
     world = world_of(ring())
-    row = car(world, "a", 30.0, speed=10.0, route="a c e a b d")
+    row = car(world, "a", 50.0, speed=12.0, route="a c e a b d")
     seen = "a"
     while len(seen) < 7:
         step(world)

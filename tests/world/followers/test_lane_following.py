@@ -36,21 +36,23 @@ def parameters(world: World) -> DriverParameters:
 
 
 def test_speed_limit_is_reached_by_each_driver_times_its_own_factor() -> None:
-    for uid in range(1, 4):
-        world = world_of(road(limit=15.0))
-        world.spawn(Kind.OBSTACLE, CAR, name="far", x=0.0, y=1e5, uid=10 * uid)  # the driver's id is the next one
-        row = car(world, "a", 10.0)
-        speeds = run(world, 40.0)[:, row]
-        wanted = parameters(world).speed_factor[row] * 15.0
-        assert speeds.max() <= wanted + 1e-9
-        assert speeds[-1] > wanted - 0.5
-        assert np.diff(speeds).max() / DT < parameters(world).accel[row]
+    world = world_of(make(**{f"l{y}": (line((0, y), (1000, y)), "", 15.0) for y in (0, 50, 100)}))
+    rows = []
+    for i, lane in enumerate(world.roads.ids):
+        world.spawn(Kind.OBSTACLE, CAR, name="far", x=0.0, y=1e5 + 10.0 * i, uid=10 * i + 10)  # drivers: 11, 21, 31
+        rows.append(car(world, lane, 10.0))
+    speeds = run(world, 30.0)[:, rows]
+    wanted = parameters(world).speed_factor[rows] * 15.0
+    assert len(set(wanted.tolist())) == len(rows)
+    assert (speeds.max(axis=0) <= wanted + 1e-9).all()
+    assert (speeds[-1] > wanted - 0.5).all()
+    assert (np.diff(speeds, axis=0).max(axis=0) / DT < parameters(world).accel[rows]).all()
 
 
 def test_driver_with_a_given_speed_keeps_the_limit() -> None:
     world = world_of(road(limit=15.0))
-    car(world, "a", 10.0, desired_speed=20.0)
-    speeds = run(world, 40.0)
+    car(world, "a", 10.0, speed=10.0, desired_speed=20.0)
+    speeds = run(world, 20.0)
     assert speeds.max() <= 15.0 + 1e-9
     assert speeds[-1, 0] > 14.5
 
@@ -58,14 +60,14 @@ def test_driver_with_a_given_speed_keeps_the_limit() -> None:
 def test_no_driver_exceeds_its_desired_speed() -> None:
     world = world_of(road(limit=30.0))
     row = car(world, "a", 10.0, speed=12.0, desired_speed=8.0)
-    speeds = run(world, 30.0)
+    speeds = run(world, 15.0)
     assert speeds[-1, row] == pytest.approx(8.0, abs=0.1)
 
 
 def test_vehicle_stops_at_the_end_of_the_road() -> None:
-    world = world_of(road(length=200.0))
+    world = world_of(road(length=100.0))
     row = car(world, "a", 10.0, speed=15.0)
-    run(world, 60.0)
+    run(world, 25.0)
     assert world.speed[row] < 0.01
     assert to_line(world, row) == pytest.approx(1.0, abs=0.3)
 
@@ -79,14 +81,14 @@ def test_vehicle_too_fast_for_the_end_of_the_road_stops_on_it() -> None:
 
 def test_lower_limit_is_kept_from_its_first_metre() -> None:
     roads = make(
-        a=(line((0, 0), (300, 0)), "b", 20.0),
-        b=(line((300, 0), (400, 0)), "c", 8.0),
-        c=(line((400, 0), (900, 0)), "", 20.0),
+        a=(line((0, 0), (150, 0)), "b", 20.0),
+        b=(line((150, 0), (180, 0)), "c", 8.0),
+        c=(line((180, 0), (900, 0)), "", 20.0),
     )
     world = world_of(roads)
     row = car(world, "a", 10.0, speed=20.0, desired_speed=20.0)
     at = {"a": 0.0, "b": 0.0, "c": 0.0}
-    for _ in range(2000):
+    for _ in range(1200):
         step(world)
         at[lane_of(world, row)] = max(at[lane_of(world, row)], float(world.speed[row]))
     assert at["b"] < 8.0 + 1.0
@@ -96,8 +98,8 @@ def test_lower_limit_is_kept_from_its_first_metre() -> None:
 def test_bend_speed_has_a_comfortable_lateral_acceleration() -> None:
     ring = make(a=(arc(0, 0, 30.0, 0, 180), "b", 30.0), b=(arc(0, 0, 30.0, 180, 180), "a", 30.0))
     world = world_of(ring)
-    row = car(world, "a", 5.0)
-    run(world, 30.0)
+    row = car(world, "a", 5.0, speed=4.0)
+    run(world, 15.0)
     lateral = parameters(world).lateral[row]
     assert world.speed[row] == pytest.approx(math.sqrt(lateral * 30.0), rel=0.05)
     assert world.yaw_rate[row] == pytest.approx(world.speed[row] / 30.0, rel=0.1)
@@ -108,8 +110,8 @@ def test_both_axles_stay_on_the_lane() -> None:
     ring = make(a=(arc(0, 0, 20.0, 0, 180), "b", 10.0), b=(arc(0, 0, 20.0, 180, 180), "a", 10.0))
     world = world_of(ring)
     van = Body(6.9, 2.0, 2.5, wheelbase=5.4, front_overhang=0.7, rear_overhang=0.8)  # longer ones swing
-    row = car(world, "a", 5.0, body=van)
-    for _ in range(1500):
+    row = car(world, "a", 5.0, speed=5.0, body=van)
+    for _ in range(700):  # once around
         step(world)
         assert -math.pi < world.yaw[row] <= math.pi
         rear = complex(world.x[row], world.y[row])
@@ -133,18 +135,18 @@ def test_heights_are_followed() -> None:
 def test_slower_lead_vehicle_is_followed_at_a_time_gap() -> None:
     world = world_of(road(length=3000.0, limit=20.0))
     slow = car(world, "a", 200.0, desired_speed=10.0, speed=10.0)
-    fast = car(world, "a", 120.0, speed=15.0)
-    run(world, 50.0)
+    fast = car(world, "a", 160.0, speed=15.0)
+    run(world, 30.0)
     gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
     assert gap == pytest.approx(2.5 + parameters(world).headway[fast] * 10.0, rel=0.05)
 
 
 def test_queue_stops_and_starts_in_order() -> None:
-    roads, plan = signalled(green=1500)
+    roads, plan = signalled(green=900)
     world = world_of(roads, plan)
     rows = [car(world, "s", 150.0 - 12.0 * i, speed=8.0) for i in range(8)]
-    run(world, 30.0)
+    run(world, 18.0)
     assert (world.speed[rows] < 0.05).all()
     gaps = -np.diff(world.arc[rows]) - CAR.length
     assert gaps == pytest.approx(2.5, abs=0.6)
@@ -165,7 +167,7 @@ def test_queue_discharges_as_fast_as_in_sumo() -> None:
         world = world_of(roads, SignalPlan(roads, [Light("x", lanes=(1,))]), seed)
         world.signals.force(0, Lamp.RED)
         rows = np.array([car(world, "a", 190.0 - 7.0 * i) for i in range(12)])
-        run(world, 8.0)
+        run(world, 5.0)
         world.signals.force(0, Lamp.GREEN)
         noses = []
         for _ in range(1300):
@@ -188,7 +190,7 @@ def test_nobody_crashes_behind_an_emergency_stop_and_the_braking_fades_along_the
     world = world_of(road(length=3000.0, limit=speed))
     leader = driven(world, 600.0, 0.9 * speed)
     rows = [car(world, "a", 600.0 - (1.1 * speed + 8.0) * (i + 1), speed=0.9 * speed) for i in range(8)]
-    run(world, 15.0)
+    run(world, 5.0)
     command(world, leader, mode=Mode.PEDALS, steer=0.0, brake=1.0)
     hardest = np.zeros(len(rows))
     for _ in range(1000):
@@ -203,8 +205,8 @@ def test_nobody_crashes_behind_an_emergency_stop_and_the_braking_fades_along_the
 def test_small_wave_fades_along_a_platoon() -> None:
     world = world_of(road(length=6000.0, limit=30.0))
     leader = driven(world, 800.0, 20.0)
-    rows = [car(world, "a", 800.0 - 30.0 * (i + 1), speed=20.0) for i in range(10)]
-    run(world, 20.0)
+    rows = [car(world, "a", 800.0 - 30.0 * (i + 1), speed=20.0) for i in range(8)]
+    run(world, 10.0)
     command(world, leader, mode=Mode.SPEED, steer=0.0, speed=16.0)
     run(world, 3.0)
     command(world, leader, mode=Mode.SPEED, steer=0.0, speed=20.0)
@@ -230,12 +232,12 @@ def test_driver_reacts_late_and_without_a_jump() -> None:
 
 
 def test_vehicle_two_lanes_ahead_is_seen_in_time() -> None:
-    snippets = {f"l{i}": (line((10.0 * i, 0), (10.0 * i + 10.0, 0)), f"l{i + 1}") for i in range(40)}
-    roads = make(**snippets, l40=(line((400, 0), (500, 0)), ""))
+    snippets = {f"l{i}": (line((10.0 * i, 0), (10.0 * i + 10.0, 0)), f"l{i + 1}") for i in range(20)}
+    roads = make(**snippets, l20=(line((200, 0), (300, 0)), ""))
     world = world_of(roads)
-    front = car(world, "l40", 5.0, desired_speed=0.0)
-    back = car(world, "l20", 1.0, speed=15.0)
-    speeds = run(world, 30.0)
+    front = car(world, "l20", 5.0, desired_speed=0.0)
+    back = car(world, "l8", 1.0, speed=15.0)
+    speeds = run(world, 18.0)
     assert speeds[-1, back] < 0.02
     assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(2.5, abs=0.3)
 
@@ -248,8 +250,8 @@ def test_vehicle_at_a_fork_blocks_both_lanes() -> None:
     )
     world = world_of(roads)
     car(world, "b", 1.5, desired_speed=0.0)
-    other = car(world, "a", 10.0, speed=10.0, route="a c")
-    run(world, 30.0)
+    other = car(world, "a", 50.0, speed=10.0, route="a c")
+    run(world, 15.0)
     assert lane_of(world, other) == "a"
     assert world.speed[other] < 0.02
 
@@ -319,8 +321,8 @@ def test_vehicle_waits_for_a_left_arrow() -> None:
 def test_unlit_light_stops_no_vehicle() -> None:
     roads, _ = signalled()
     world = world_of(roads, SignalPlan(roads, [Light("x", lanes=(1,)), Light("warn", lamps=Lamp.YELLOW, lanes=(4,))]))
-    rows = [car(world, "w", 100.0, speed=10.0), car(world, "s", 20.0, speed=10.0)]
-    run(world, 30.0)
+    rows = [car(world, "w", 150.0, speed=10.0), car(world, "s", 70.0, speed=10.0)]
+    run(world, 18.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
 
 
@@ -339,9 +341,9 @@ def test_vehicles_follow_and_wait_for_an_ego() -> None:
 def test_entity_beside_the_lane_does_not_block_it() -> None:
     world = world_of(road())
     ego(world, 100.0, 3.5)
-    world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 0.7), name="cone", x=200.0, y=-2.0)
+    world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 0.7), name="cone", x=150.0, y=-2.0)
     row = car(world, "a", 10.0, speed=15.0, desired_speed=15.0)
-    assert run(world, 30.0)[:, row].min() > 14.5
+    assert run(world, 12.0)[:, row].min() > 14.5
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -381,8 +383,8 @@ def test_vehicle_lets_a_crossing_pedestrian_pass() -> None:
 def test_vehicle_does_not_hit_an_ego_in_a_crossing() -> None:
     world = world_of(crossing())
     ego(world, 0.0, -10.0, yaw=math.pi / 2, speed=3.0)
-    row = car(world, "w", 130.0, speed=10.0)
-    run(world, 15.0)
+    row = car(world, "w", 160.0, speed=10.0)
+    run(world, 12.0)
     assert lane_of(world, row) == "e"
 
 
@@ -414,12 +416,12 @@ def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
 
 def test_the_same_seed_gives_the_same_bits_with_or_without_a_snapshot_between() -> None:
     first, second, third = crowd(), crowd(), crowd(seed=5)
-    for frame in range(200):
+    for frame in range(150):
         if frame == 73:
             third.restore(first.snapshot())
         if frame == 101:
             second.touch()
-        for world in (first, second, third):
+        for world in (first, second, third)[: 2 if frame < 73 else 3]:
             step(world)
         if frame > 73 and frame % 50 == 0:
             assert first.digest() == second.digest() == third.digest()
@@ -442,8 +444,8 @@ def test_free_rows_change_nothing() -> None:
         holed.spawn(Kind.OBSTACLE, CAR, name="far", x=1e5 + 30.0 * i, y=1e5, uid=100 + i)
         row = holed.row(holed.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=6.0, uid=i + 1))
         keep_lane(holed, row, 0, 2.0 + 13.0 * i)
-    run(plain, 15.0)
-    run(holed, 15.0)
+    run(plain, 8.0)
+    run(holed, 8.0)
     for uid in range(1, 5):
         one, other = plain.row(uid), holed.row(uid)
         for column in ("x", "y", "yaw", "speed", "accel", "lane", "arc"):
@@ -522,8 +524,8 @@ def test_driver_sees_the_end_of_a_jam_beyond_the_lead_vehicle() -> None:
     """The lead vehicle leaves the lane in the last moment; the driver braked with 4.6 m/s^2 then."""
     world = world_of(road(limit=30.0))
     car(world, "a", 700.0, desired_speed=0.0)
-    lead = ego(world, 350.0, 0.0, speed=30.0)
-    row = car(world, "a", 300.0, speed=30.0)
+    lead = ego(world, 450.0, 0.0, speed=30.0)
+    row = car(world, "a", 400.0, speed=30.0)
     uid, lead_uid = int(world.uid[row]), int(world.uid[lead])
     hardest = 0.0
     while world.speed[world.row(uid)] > 0.1:

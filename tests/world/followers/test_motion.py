@@ -95,9 +95,9 @@ def check_accelerations(told: list[PublishedMotion]) -> None:
 def test_steady_bend_gives_the_motion_of_the_rear_axle(radius: float) -> None:
     world = ring(radius)
     rows = np.array([0])
-    for _ in range(400):
+    for _ in range(250):
         step(world)
-    told = follow(world, rows, 300)
+    told = follow(world, rows, 200)
     check_accelerations(told)
     for before, now, after in zip(told, told[1:], told[2:], strict=False):
         speed = float(now.speed[0])
@@ -174,8 +174,8 @@ def test_velocities_and_accelerations_in_the_town_are_consistent() -> None:
 def test_braking_driver_has_its_deceleration_and_then_none() -> None:
     world = World()
     world.lay_roads(*signalled(green=600))
-    row = car(world, "s", 120.0, speed=12.0)
-    told = follow(world, np.array([row]), 600)
+    row = car(world, "s", 130.0, speed=12.0)
+    told = follow(world, np.array([row]), 500)
     check_accelerations(told)
     assert told[-1].speed[0] == 0.0
     assert min(float(now.accel[1, 0]) for now in told) < -1.0
@@ -192,7 +192,7 @@ def test_velocities_and_accelerations_on_a_path_are_consistent(path: FloatArray,
     world = World()
     kind = Kind.VEHICLE if body is CAR else Kind.PEDESTRIAN
     row = npc(world, kind=kind, body=body, x=path[0, 0], y=path[0, 1], path=path, is_loop=True, speed=2.0)
-    told = follow(world, np.array([row]), 1200)
+    told = follow(world, np.array([row]), 700)
     check_accelerations(told)
     lag = round(SPAN[kind] / 2.0 / 2.0 / DT)  # frames for half of the span
     for before, now, after in zip(told, told[lag:], told[2 * lag :], strict=False):
@@ -203,7 +203,7 @@ def test_velocities_and_accelerations_on_a_path_are_consistent(path: FloatArray,
 def test_circle_of_short_segments_has_centripetal_acceleration() -> None:
     world = World()
     row = npc(world, x=8.0, path=CIRCLE, is_loop=True, speed=4.0)
-    for now in follow(world, np.array([row]), 500)[1:]:
+    for now in follow(world, np.array([row]), 250)[1:]:
         inwards = -now.place[:, 0] / 8.0
         assert float(now.accel[:, 0] @ inwards) == pytest.approx(2.0, rel=0.1)
         assert largest(now.velocity) == pytest.approx(4.0)

@@ -162,7 +162,7 @@ def test_entities_together_move_like_each_alone() -> None:
     alone = [World() for _ in sorts]
     for world, sort in zip(alone, sorts, strict=True):
         npc(world, **sort)
-    for _ in range(1000):
+    for _ in range(500):
         for world in (together, *alone):
             step(world)
     for row, world in zip(rows, alone, strict=True):

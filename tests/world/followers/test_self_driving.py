@@ -46,7 +46,7 @@ def test_self_driving_ego_steers_onto_its_lane_and_reaches_the_limit() -> None:
     world = world_of(road(limit=LIMIT))
     row = self_driving_ego(world, 10.0, 1.5, yaw=0.1)
     assert (world.x[row], world.y[row]) == (10.0, 1.5)  # nobody lifts it there
-    run(world, 30.0)
+    run(world, 20.0)
     assert world.y[row] == pytest.approx(0.0, abs=0.01)
     assert LIMIT - 0.5 < world.speed[row] <= LIMIT + 0.1
 
@@ -59,9 +59,9 @@ def test_self_driving_ego_keeps_its_lane_in_a_bend() -> None:
             c=(line((70, 20), (70, 200)), "", LIMIT),
         )
     )
-    row = self_driving_ego(world, 5.0)
+    row = self_driving_ego(world, 30.0)
     worst = 0.0
-    for _ in range(round(15.0 / DT)):
+    for _ in range(round(12.0 / DT)):
         step(world)
         worst = max(worst, abs(float(world.roads.nearest(world.x[row], world.y[row], world.yaw[row]).lateral[0])))
     assert world.y[row] > 40.0
@@ -86,9 +86,9 @@ def test_ego_begins_to_drive_itself_between_two_decisions_while_others_are_in_a_
 
 def test_self_driving_ego_keeps_its_gap_to_the_lead_vehicle() -> None:
     world = world_of(road(limit=LIMIT))
-    before = car(world, "a", 60.0, desired_speed=0.0)
+    before = car(world, "a", 40.0, desired_speed=0.0)
     row = self_driving_ego(world, 10.0)
-    run(world, 30.0)
+    run(world, 15.0)
     assert not len(world.contacts)
     assert world.speed[row] == pytest.approx(0.0, abs=0.01)
     gap = world.x[before] - CAR.rear_overhang - (world.x[row] + CAR.length - CAR.rear_overhang)
@@ -98,13 +98,13 @@ def test_self_driving_ego_keeps_its_gap_to_the_lead_vehicle() -> None:
 def test_vehicles_keep_their_gap_to_a_self_driving_ego() -> None:
     world = world_of(road(limit=LIMIT))
     row = self_driving_ego(world, 60.0)
-    behind = car(world, "a", 10.0)
+    behind = car(world, "a", 40.0, speed=10.0)
     leave_lane(world, row)
     command(world, row, mode=Mode.PEDALS, steer=0.0, brake=1.0)
     assert start_self_driving(world, row)
     world.desired_speed[row] = 5.0
     world.touch()
-    run(world, 60.0)
+    run(world, 25.0)
     assert not len(world.contacts)
     assert world.speed[behind] == pytest.approx(world.speed[row], abs=0.2)
 
@@ -166,7 +166,7 @@ def test_self_driving_egos_among_drivers_change_nothing_of_how_these_move() -> N
     lone, shared = world_of(road()), world_of(road())
     rows = [car(world, "a", 500.0, speed=10.0) for world in (lone, shared)]
     self_driving_ego(shared, 10.0)
-    for _ in range(500):
+    for _ in range(250):
         step(lone)
         step(shared)
     for name in ("x", "y", "yaw", "speed", "arc"):
@@ -235,11 +235,11 @@ def test_self_driving_ego_changes_lanes_gently(speed: float) -> None:
     row = self_driving_ego(world, 10.0)
     teleport(world, row, x=10.0, y=0.0, z=0.0, yaw=0.0, speed=speed)
     assert start_self_driving(world, row, desired_speed=speed)
-    run(world, 2.0)
+    run(world, 1.0)
     assert change_lane(world, row, LEFT)
     assert not change_lane(world, row, LEFT)  # one at a time
     most = 0.0
-    for _ in range(round(12.0 / DT)):
+    for _ in range(round(10.0 / DT)):
         step(world)
         most = max(most, abs(float(world.lateral_accel[row])))
     assert world.y[row] == pytest.approx(3.5, abs=0.1)
@@ -273,7 +273,7 @@ def test_vehicle_behind_sees_an_ego_that_changes_into_its_lane() -> None:
     run(world, 8.0)
     gap = float(world.x[row] - world.x[behind])
     assert change_lane(world, row, LEFT)
-    run(world, 20.0)
+    run(world, 12.0)
     assert world.y[row] == pytest.approx(3.5, abs=0.1)
     assert world.x[row] - world.x[behind] > 0.0
     assert gap != world.x[row] - world.x[behind]

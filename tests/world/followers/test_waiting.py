@@ -157,10 +157,10 @@ def test_driver_on_a_lane_stands_until_an_ego_is_near_and_then_drives_like_all()
         world = world_of(road(length=500.0, limit=15.0))
         parked = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=speed))
         keep_lane(world, parked, 0, 100.0, start_within=20.0)
-        behind = lane_car(world, "a", 10.0, speed=10.0)
+        behind = lane_car(world, "a", 50.0, speed=10.0)
         car = ego(world, x=300.0, y=50.0)
         assert view_driver(world, parked) is None
-        steps(world, 1000)
+        steps(world, 600)
         assert (world.x[parked], world.speed[parked], world.start_speed[parked]) == (100.0, 0.0, speed)
         assert world.speed[behind] == pytest.approx(0.0, abs=0.01)
         assert 80.0 < world.x[behind] < 100.0, "it queues behind what stands on its lane"

@@ -141,7 +141,7 @@ def test_world_that_forgets_in_each_frame_what_it_has_derived_does_the_same(scen
     for world in (kept, forgetful):
         open_scene(world, scenario, 12)
         world.start_scoring()
-    for _ in range(300):
+    for _ in range(150):
         step(kept)
         step(forgetful)
         forgetful.touch()

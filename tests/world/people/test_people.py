@@ -63,7 +63,7 @@ def test_pedestrian_crosses_each_road_on_its_path() -> None:
 def test_pedestrian_waits_at_the_kerb_for_green(colour: Lamp, crosses: bool) -> None:  # noqa: FBT001 - a case
     world = lit(colour)
     row = walker(world)
-    for _ in range(1000):
+    for _ in range(600):
         step(world)
     assert (world.y[row] > 3.0) == crosses
     if not crosses:
@@ -386,7 +386,7 @@ def test_people_walk_around_a_car_that_stands_across_their_path() -> None:
             place = x - offset * np.cos(yaw), y - offset * np.sin(yaw)
             world.spawn(Kind.VEHICLE, CAR, name="car", x=place[0], y=place[1], yaw=yaw)
             walkers[walker(world, np.array([[x, y - 8.0], [x, y + 7.0]]))] = y
-    for _ in range(1500):
+    for _ in range(1300):
         step(world)
         assert not len(world.contacts)
     assert [row for row, y in walkers.items() if world.y[row] < y + 5.0] == []
@@ -465,16 +465,16 @@ def test_vehicle_on_a_path_that_yields_is_no_pedestrian() -> None:
 
 def test_vehicle_on_a_path_drives_on_when_the_way_is_free_again() -> None:
     world = World()
-    path = np.array([[0.0, 0.0], [90.0, 0.0]])
+    path = np.array([[0.0, 0.0], [60.0, 0.0]])
     row = world.row(world.spawn(Kind.VEHICLE, CAR, name="a", x=0.0, y=0.0, path=path, speed=8.0, yields=True))
-    thing = world.spawn(Kind.OBSTACLE, MAN, name="box", x=40.0, y=0.0)
-    for _ in range(600):
+    thing = world.spawn(Kind.OBSTACLE, MAN, name="box", x=25.0, y=0.0)
+    for _ in range(300):
         step(world)
     assert world.speed[row] < 0.1
     world.remove(thing)
-    for _ in range(900):
+    for _ in range(600):
         step(world)
-    assert world.x[row] == pytest.approx(90.0, abs=0.5)
+    assert world.x[row] == pytest.approx(60.0, abs=0.5)
 
 
 def test_somebody_who_was_pushed_beyond_the_end_of_its_path_is_at_the_end() -> None:
