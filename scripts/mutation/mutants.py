@@ -9,6 +9,7 @@ import ast
 import copy
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 OPPOSITES: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.LtE,
@@ -53,6 +54,7 @@ class Mutant:
     change: str
 
 
+@cache
 def mutants_of(source: str) -> list[Mutant]:
     """Return all mutants of a file.
 

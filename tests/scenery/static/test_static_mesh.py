@@ -15,7 +15,7 @@ from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.road_paint import add_paint
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
-from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.library import DATA, DiskLibrary, read_map_at
 from rosbridge_sim.world.roads.surface import Surface
 from tests.scenery.solid_figures import area_seen_from_above
 from tests.world.road_factory import line, make
@@ -62,7 +62,7 @@ def test_dressing_follows_from_name_and_seed() -> None:
     name = "track"
     road_map = map_of(name)
     one = dressed(name)
-    assert one.digest == static_mesh(DiskLibrary().map(name), name, 0).digest
+    assert one.digest == static_mesh(read_map_at(DATA / "maps" / name), name, 0).digest
     assert one.digest != static_mesh(road_map, name, 1).digest
     assert one.digest != static_mesh(road_map, "other", 0).digest
     assert not np.isin(bare(road_map).label, [Label.BUILDING, Label.TREE]).any()
