@@ -20,7 +20,7 @@ from rosbridge_sim.environments.parallel_env import DrivingParallelEnv
 def test_parallel_environment_follows_the_rules(options: dict[str, Any]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(DrivingParallelEnv(3, max_episode_steps=30, **options), num_cycles=40)
+        parallel_api_test(DrivingParallelEnv(3, max_episode_steps=10, **options), num_cycles=15)
 
 
 def test_each_ego_does_what_its_agent_wants() -> None:

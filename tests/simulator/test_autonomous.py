@@ -15,9 +15,9 @@ def test_command_in_synchronous_mode_ends_self_driving() -> None:
     town = Crossroads.built_in("town")
     town.client.start()
     town.client.ask("/Service_MoraiEventCmd", **ITSELF)
-    town.run(3.0)
+    town.run(1.5)
     assert town.client.control(0, longlCmdType=1, brake=1.0)
-    town.run(5.0)
+    town.run(2.0)
     assert town.client.tick()["vehicle_status"]["velocity"]["x"] == 0.0
     assert town.client.ask("/Service_MoraiEventCmd", option=0)["ctrl_mode"] == 3
 

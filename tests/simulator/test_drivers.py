@@ -240,7 +240,7 @@ def test_traffic_of_the_built_in_scenarios_drives(name: str, num: int) -> None:
     assert len(rows) == num
     assert world.has_lane[rows].all()
     before = world.x.copy(), world.y.copy()
-    for _ in range(1000):
+    for _ in range(600):
         step(world)
         assert not len(world.contacts)
     moved = abs(world.x - before[0]) + abs(world.y - before[1])

@@ -58,13 +58,13 @@ def test_world_equals_that_of_a_server() -> None:
 @pytest.mark.slow
 def test_removed_vehicle_is_replaced_as_on_a_server() -> None:
     worlds = Worlds("loop", 2, seed=4, traffic=6)
-    worlds.step(PEDALS, 73)
+    worlds.step(PEDALS, 43)
     uid = int(worlds.world(1).uid.max())
     worlds.remove(1, uid)
     num = len(worlds.world(1))
-    worlds.step(None, 300)
+    worlds.step(None, 220)
     assert len(worlds.world(1)) > num
-    assert worlds.digests()[1] == digests_of_server(5, 373, 6, remove_at=73)
+    assert worlds.digests()[1] == digests_of_server(5, 263, 6, remove_at=43)
 
 
 def test_reset_begins_the_masked_worlds_again() -> None:
@@ -271,11 +271,11 @@ def test_egos_drive_themselves_in_many_worlds_as_in_one() -> None:
     assert many.drive_itself([[np.nan], [20.0], [25.0]]).tolist() == [[False], [True], [True]]
     one.drive_itself(20.0)
     for worlds, sides in ((many, [[0.0], [1.0], [0.0]]), (one, 1.0)):
-        worlds.step(n=100)
+        worlds.step(n=70)
         assert worlds.change_lanes(sides).any()
-        worlds.step(n=50)
+        worlds.step(n=30)
         worlds.drive_itself([[np.nan], [30.0], [np.nan]] if worlds is many else 30.0)
-        worlds.step(n=60)
+        worlds.step(n=40)
     assert many.digests()[1] == one.digests()[0]
     assert many.egos()["speed"][0, 0] < 1.0
     assert many.egos()["speed"][1, 0] > 5.0

@@ -621,7 +621,8 @@ def test_first_frames_compute_nothing_of_the_roads_that_reading_has_not(
     assert known() == read, "the event loop has computed it"
 
 
-def test_scenario_is_rehearsed_once_on_a_map() -> None:
+def test_scenario_is_rehearsed_once_on_a_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.shell.files.library._BUILT_IN_MAPS", DocumentCache())  # nothing is rehearsed yet
     library, played = DiskLibrary(), list[str]()
 
     class Counting(Rehearsal):

@@ -131,13 +131,13 @@ def test_spawn_point_has_no_more_vehicles_at_once_than_it_may() -> None:
 
 def test_spawn_points_repeat_after_a_reset_and_differ_with_the_seed() -> None:
     node = simulate(read(POINT))
-    run(node, 7.0)
+    run(node, 6.5)
     first = node.context.world.digest()
     node.context.scene_changes.reset(None, 0.0)
-    run(node, 7.0)
+    run(node, 6.5)
     assert node.context.world.digest() == first
     other = simulate(read(POINT), seed=1)
-    run(other, 7.0)
+    run(other, 6.5)
     speeds = [each.context.world.desired_speed[each.context.world.has_lane].tolist() for each in (node, other)]
     assert speeds[0] != speeds[1]
 
@@ -272,11 +272,11 @@ def test_no_traffic_appears_in_bays() -> None:
 @pytest.mark.slow
 def test_vehicle_of_the_traffic_that_has_gone_is_replaced() -> None:
     node = simulate(read(), traffic=12)
-    for uid in vehicles(node)[:6]:
+    for uid in vehicles(node)[:4]:
         node.context.scene.remove(uid)
-    run(node, 25.0)
+    run(node, 15.0)
     assert len(vehicles(node)) >= 10
-    run(node, 30.0)
+    run(node, 15.0)
     assert len(vehicles(node)) == 12
 
 
