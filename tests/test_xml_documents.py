@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterator
 
 import pytest
@@ -13,7 +14,7 @@ from rosbridge_sim.xml_documents import Element, read_children, read_whole
 SMALL = b"""<?xml version="1.0"?>
 <a v="1">
   <b id="x" n="2.5"
-     k="3"><c>some <d/>text</c></b>
+     k="3"><c>some <d/>text</c><geoReference>a <d/><![CDATA[&b]]></geoReference></b>
   <b id="y"/>
 </a>"""
 
@@ -25,11 +26,11 @@ def pieces(content: bytes, size: int) -> Iterator[bytes]:
 @pytest.mark.parametrize("size", [1, 7, 10_000])
 def test_children_come_one_by_one_with_their_lines(size: int) -> None:
     root, first, second = read_children(pieces(SMALL, size), "f", "a")
-    assert (root.attributes, root.line, root.children) == ({"v": "1"}, 2, [])
+    assert (root.attributes, root.line, root.children) == ({"v": "1"}, 2, ())
     assert (first.word("id"), first.line, second.word("id"), second.line) == ("x", 3, "y", 5)
-    inner = first.first("c")
-    assert inner is not None
-    assert (inner.text, inner.line, inner.first("d") is not None, first.first("e")) == ("some text", 4, True, None)
+    inner, reference = first.children
+    assert (inner.text, inner.line, inner.first("d") is not None, first.first("e")) == ("", 4, True, None)
+    assert reference.text == "a &b"
 
 
 def test_child_is_yielded_before_the_rest_is_there() -> None:
@@ -42,6 +43,15 @@ def test_child_is_yielded_before_the_rest_is_there() -> None:
 
     found = read_children(feed(), "f", "a")
     assert [next(found).tag, next(found).tag, len(taken)] == ["a", "b", 0]
+
+
+def test_elements_without_children_are_one_object_each_for_the_collector() -> None:
+    content = b"<a>" + b'<b c="d"/>' * 1_000 + b"</a>"
+    gc.collect()
+    before = len(gc.get_objects())
+    root = read_whole(content, "f", "a")
+    assert len(gc.get_objects()) - before < 1_100
+    assert len(root.children) == 1_000
 
 
 def test_whole_document_has_its_children_and_names_without_prefixes() -> None:
@@ -99,6 +109,9 @@ def test_values_of_attributes_are_read() -> None:
         ("1e999", lambda b: b.number("v"), "f: line 3: <b '7'>: v: expected a number, got '1e999'"),
         ("-1", lambda b: b.number("v", None, 0.0, 9.0), "f: line 3: <b '7'>: v: expected a number 0..9, got '-1'"),
         ("", lambda b: b.number("v"), "f: line 3: <b '7'>: v: expected a number, got ''"),
+        ("nan", lambda b: b.numbers(("w", "v")), "f: line 3: <b '7'>: v: expected a number, got 'nan'"),
+        ("-2e12", lambda b: b.numbers(("v", "w")), "f: line 3: <b '7'>: v: expected a number, got '-2e12'"),
+        ("1,5", lambda b: b.numbers(("v",)), "f: line 3: <b '7'>: v: expected a number, got '1,5'"),
         ("1.5", lambda b: b.whole("v"), "f: line 3: <b '7'>: v: expected a whole number, got '1.5'"),
         ("1", lambda b: b.number("w"), "f: line 3: <b '7'>: w: expected a number; it is missing"),
         ("1", lambda b: b.word("w"), "f: line 3: <b '7'>: w: expected a value; it is missing"),
@@ -121,6 +134,6 @@ def test_content_of_user_data_is_not_kept_and_the_rest_stays_in_place() -> None:
     first = root.children[0]
     assert [child.tag for child in root.children] == ["b", "userData", "d"]
     assert [(child.tag, child.children, child.text) for child in first.children] == [
-        ("userData", [], ""),
-        ("c", [], ""),
+        ("userData", (), ""),
+        ("c", (), ""),
     ]

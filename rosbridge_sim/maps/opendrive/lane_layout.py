@@ -9,12 +9,12 @@ direction. Sources: ASAM OpenDRIVE 1.8, sections 9 to 11.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.maps.opendrive.plan_view import SHORT, evaluate, place_on
+from rosbridge_sim.maps.opendrive.plan_view import SHORT, evaluate, evaluate_all, place_on, records_at
 from rosbridge_sim.maps.opendrive.road_elements import (
     MAX_COORDINATE,
     MAX_LENGTH,
@@ -26,7 +26,7 @@ from rosbridge_sim.maps.opendrive.road_elements import (
 )
 from rosbridge_sim.maps.road_map import Border
 from rosbridge_sim.records import Record, replace
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray
 
 BEND_STEP: Final = 0.5
 """Distance of stations in bends [m], as between the points of MORAI's maps."""
@@ -44,8 +44,8 @@ neighbour, where no vehicle can follow it."""
 NEAR_CUT: Final = 1.0
 """Pieces are longer than this [m]."""
 
-MAX_STATIONS: Final = 2_000_000
-"""Stations of a road: 1,000 km of bends."""
+MAX_POINTS: Final = 5_000_000
+"""Points of all lanes, as in MGeo maps."""
 
 MAX_TILT: Final = 0.5
 """Greatest superelevation [rad]."""
@@ -63,6 +63,7 @@ class LanePiece(Record, eq=False, gc=False):
         is_forward: it is driven along the road.
         is_cut: bool, it begins or ends, in driving direction, away from the end of its section, because it is narrow.
         line: (k, 3) its middle in driving direction [m].
+        length: of the line [m].
         s: (k,) distance along the road of each point [m].
         aside: (k,) distance of each point to the left of the reference line [m].
         border: (k, 2) distances of its edges [m].
@@ -79,6 +80,7 @@ class LanePiece(Record, eq=False, gc=False):
     is_forward: bool
     is_cut: tuple[bool, bool]
     line: FloatArray
+    length: float
     s: FloatArray
     aside: FloatArray
     border: FloatArray
@@ -92,8 +94,11 @@ class SectionLayout:
 
     Attributes:
         s: (n,) places along the road, the section's ends among them [m].
-        edges: for each lane (n,) the distance of its outer edge from the reference line, left positive [m].
-        widths: for each lane (n,) [m].
+        row: for each lane, its row in `edges` and `widths`; 0 is the row of lane 0.
+        edges: (k, n) distance of the lanes' outer edges from the reference line, left positive [m].
+        widths: (k, n) [m].
+        edge_lines: (k, n, 3) the edges [m].
+        roll: (n,) superelevation [rad].
     """
 
     def __init__(self, road: Road, section: LaneSection, cuts: Iterable[float] = ()) -> None:
@@ -105,79 +110,69 @@ class SectionLayout:
         Raises:
             DocumentError: it would need too many stations.
         """
-        self._road = road
-        self.s = s = _lay_stations(road, section, cuts)
-        along = s - section.start
-        self.widths = {name: evaluate(lane.widths, along) for name, lane in section.lanes.items() if name}
-        for width in self.widths.values():
-            np.maximum(width, 0.0, out=width)
-        self.edges = {0: evaluate(road.offset, s)}
-        for side in (1, -1):
-            name = side
-            while name in self.widths:
-                self.edges[name] = self.edges[name - side] + side * self.widths[name]
-                name += side
-        self._x, self._y, self._heading = place_on(road.shapes, s)
-        self._height = evaluate(road.elevation, s)
-        self.roll = np.clip(evaluate(road.roll, s), -MAX_TILT, MAX_TILT)
+        left, right = max(section.lanes, default=0), -min(section.lanes, default=0)
+        names = [*range(1, left + 1), *range(-1, -right - 1, -1)]
+        shift = np.array([section.start, 0.0, 0.0, 0.0, 0.0])
+        widths = [section.lanes[name].widths + shift for name in names]
+        tables = [road.roll, road.elevation, road.offset, *widths]
+        self.row = {0: 0, **{name: row for row, name in enumerate(names, 1)}}
+        self.s = s = _lay_stations(road, section, cuts, tables)
+        roll, self._height, offset, *_ = values = evaluate_all(tables, s)
+        self.roll = np.clip(roll, -MAX_TILT, MAX_TILT)
+        self._cos, self._sin = np.cos(self.roll), np.sin(self.roll)
+        self._x, self._y, heading = place_on(road.shapes, s)
+        self._ahead = np.cos(heading), np.sin(heading)
+        self.widths = np.maximum(values[2:], 0.0)
+        steps = np.concatenate([offset[None], self.widths[1 : left + 1], offset[None], -self.widths[left + 1 :]])
+        self.edges = np.concatenate([np.cumsum(steps[: left + 1], axis=0), np.cumsum(steps[left + 1 :], axis=0)[1:]])
+        self.edge_lines = self.points(self.edges)
 
     def points(self, aside: FloatArray) -> FloatArray:
-        """Return points beside the reference line, (n, 3) [m].
+        """Return lines beside the reference line, (k, n, 3) [m].
 
         Args:
-            aside: (n,) distances to the left, within the plane of the road [m].
+            aside: (k, n) distances to the left, within the plane of the road [m].
         """
-        flat = aside * np.cos(self.roll)
-        x, y = self._x - flat * np.sin(self._heading), self._y + flat * np.cos(self._heading)
-        return np.stack([x, y, self._height + aside * np.sin(self.roll)], axis=-1)
+        flat = aside * self._cos
+        found = np.empty((*aside.shape, 3))
+        found[..., 0] = self._x - flat * self._ahead[1]
+        found[..., 1] = self._y + flat * self._ahead[0]
+        found[..., 2] = self._height + aside * self._sin
+        return found
 
-    def middle(self, lane: int) -> FloatArray:
-        """Return the distance of a lane's middle from the reference line, (n,) [m]."""
-        return np.asarray(0.5 * (self.edges[lane] + self.edges[lane - (1 if lane > 0 else -1)]))
 
+def _lay_stations(road: Road, section: LaneSection, cuts: Iterable[float], tables: Sequence[FloatArray]) -> FloatArray:
+    """Return the stations of a section.
 
-def _lay_stations(road: Road, section: LaneSection, cuts: Iterable[float]) -> FloatArray:
+    Args:
+        tables: polynomials of the superelevation, of the heights, of lane 0, and of the lanes' widths.
+    """
     start, end = section.start, section.end
-    shift = np.array([start, 0.0, 0.0, 0.0, 0.0])
-    offsets = [lane.widths + shift for lane in section.lanes.values() if len(lane.widths)]
-    cubics = [road.offset, road.elevation, *offsets]
     curved = np.array([shape.s for shape in road.shapes])
-    records = [*cubics, road.roll]
-    breaks = np.concatenate([curved, [start, end, *cuts], *(each[:, 0] for each in records)])
-    breaks = np.unique(breaks[(breaks >= start) & (breaks <= end)])
+    breaks = np.sort(np.concatenate([curved, [start, end, *cuts], *(each[:, 0] for each in tables)]))
+    breaks = breaks[(breaks >= start) & (breaks <= end)]
     breaks = breaks[np.append(np.diff(breaks) > SHORT, True)]
     breaks[0] = start
     if len(breaks) < 2:  # noqa: PLR2004 - a section without length
         return np.array([start, end])
+    too_much = f"a road that needs at most {MAX_POINTS:,} points"
+    if len(breaks) * len(tables) > MAX_POINTS:
+        raise error_of(road, too_much)
     low, high = breaks[:-1], breaks[1:]
     bends = np.array([shape.kind != "line" for shape in road.shapes])[np.searchsorted(curved, low + SHORT) - 1]
+    s, a, b, c, d = records_at(tables[1:], low + SHORT)
     # The second derivative of a polynomial tells how far a chord of it is away: h^2 / 8 times as much.
-    bulge = np.zeros(len(low))
-    for each in cubics:
-        if len(each):
-            rows = np.maximum(np.searchsorted(each[:, 0], low + SHORT) - 1, 0)
-            c, d, away = each[rows, 3], each[rows, 4], np.stack([low, high]) - each[rows, 0]
-            bulge += np.abs(2.0 * c + 6.0 * d * away).max(axis=0)
-    step = np.clip(np.sqrt(8.0 * FLATNESS / np.maximum(bulge, 1e-12)), BEND_STEP, LONGEST_STEP)
-    step[bends | (len(road.roll) > 0 and bool(road.roll[:, 1:].any())) | _narrow(offsets, low, high)] = BEND_STEP
-    count = np.ceil((high - low) / step - SHORT).astype(np.int64)
-    if count.sum() > MAX_STATIONS:
-        raise error_of(road, f"a road that needs at most {MAX_STATIONS:,} points")
-    parts = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(low, high, np.maximum(count, 1).tolist(), strict=True)]
-    return np.concatenate([*parts, [end]])
-
-
-def _narrow(widths: Iterable[FloatArray], low: FloatArray, high: FloatArray) -> BoolArray:
-    """Return in which intervals a lane is narrower than `NARROW` at an end, (m,)."""
-    found = np.zeros(len(low), dtype=bool)
-    for each in widths:
-        if each[:, 2:].any():
-            for at in (low, high):
-                rows = np.maximum(np.searchsorted(each[:, 0], low + SHORT) - 1, 0)
-                start, a, b, c, d = each[rows].T
-                away = at - start
-                found |= a + away * (b + away * (c + away * d)) < NARROW
-    return found
+    bulge = np.maximum(np.abs(c + 3.0 * d * (low - s)), np.abs(c + 3.0 * d * (high - s))).sum(axis=0)
+    step = np.clip(np.sqrt(4.0 * FLATNESS / np.maximum(bulge, 1e-12)), BEND_STEP, LONGEST_STEP)
+    narrow = ((b != 0.0) | (c != 0.0) | (d != 0.0))[2:]
+    narrow &= np.minimum(*(a + (at - s) * (b + (at - s) * (c + (at - s) * d)) for at in (low, high)))[2:] < NARROW
+    step[bends | bool(tables[0][:, 1:].any()) | narrow.any(axis=0)] = BEND_STEP
+    count = np.ceil((high - low) / step - SHORT)
+    if count.sum() * len(tables) > MAX_POINTS:
+        raise error_of(road, too_much)
+    count = np.maximum(count, 1.0).astype(np.int64)
+    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.append(np.repeat(low, count) + number * np.repeat((high - low) / count, count), end)
 
 
 def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[float]) -> Iterator[LanePiece]:
@@ -191,31 +186,37 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
     Raises:
         DocumentError: a lane is too long or too far away.
     """
-    section = road.sections[number]
+    section, s = road.sections[number], layout.s
     ends = np.array([section.start, *sorted(cuts), section.end])
-    rows = np.searchsorted(layout.s, ends - SHORT)
-    rows[-1] = len(layout.s) - 1
-    for name, lane in section.lanes.items():
-        if name == 0 or lane.type not in ROADWAY:
-            continue
+    rows = np.searchsorted(s, ends - SHORT)
+    rows[-1] = len(s) - 1
+    spans = list(enumerate(zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)))
+    names = [name for name, lane in section.lanes.items() if name and lane.type in ROADWAY]
+    if not names:
+        return
+    outer, inner = ([layout.row[name - side * (1 if name > 0 else -1)] for name in names] for side in (0, 1))
+    aside = 0.5 * (layout.edges[outer] + layout.edges[inner])
+    lines = layout.points(aside)
+    steps = np.hypot(*np.moveaxis(np.diff(lines[..., :2], axis=1), -1, 0))
+    good = (np.abs(lines) <= MAX_COORDINATE).all(axis=(1, 2)) & (steps.sum(axis=1) <= 2.0 * MAX_LENGTH)
+    if not good.all():
+        expected = f"lanes within {MAX_COORDINATE:,.0f} m and no longer than {2.0 * MAX_LENGTH:,.0f} m"
+        raise error_of(road, f"{expected}; lane {names[int(good.argmin())]} of section {number} is not")
+    wide = layout.widths[outer] >= NARROW
+    wide[:, 1:] &= steps > SHORT
+    borders = _borders(lines, layout.edge_lines[outer], layout.edge_lines[inner], np.sign(names)[:, None])
+    bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if layout.roll.any() else None
+    for i, name in enumerate(names):
         is_forward = (name < 0) != road.is_left_hand
-        line, wide = layout.points(layout.middle(name)), layout.widths[name] >= NARROW
-        steps = np.hypot(*np.diff(line[:, :2], axis=0).T)
-        if not (np.abs(line) <= MAX_COORDINATE).all() or steps.sum() > 2.0 * MAX_LENGTH:
-            expected = f"lanes within {MAX_COORDINATE:,.0f} m and no longer than {2.0 * MAX_LENGTH:,.0f} m"
-            raise error_of(road, f"{expected}; lane {name} of section {number} is not")
-        wide[1:] &= steps > SHORT
-        outer, inner = (layout.points(layout.edges[key]) for key in (name, name - (1 if name > 0 else -1)))
-        border = _borders(line, *((outer, inner) if name > 0 else (inner, outer)))
-        bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if layout.roll.any() else None
-        for piece, (first, last) in enumerate(zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)):
-            own = first + np.flatnonzero(wide[first : last + 1])
-            if len(own) < 2 or layout.s[own[-1]] - layout.s[own[0]] < SHORT:  # noqa: PLR2004 - a line's ends
+        for piece, (first, last) in spans:
+            own = first + np.flatnonzero(wide[i, first : last + 1])
+            if len(own) < 2 or s[own[-1]] - s[own[0]] < SHORT:  # noqa: PLR2004 - a line's ends
                 continue
             part = slice(int(own[0]), int(own[-1]) + 1)
-            cut = (own[0] > first, own[-1] < last)
-            middle = 0.5 * (layout.s[first] + layout.s[last])
+            cut = (bool(own[0] > first), bool(own[-1] < last))
+            middle = 0.5 * float(s[first] + s[last])
             turned = slice(None) if is_forward else slice(None, None, -1)
+            border = borders[i, part][turned]
             yield LanePiece(
                 road=road.id,
                 section=number,
@@ -224,25 +225,33 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
                 name=f"{road.id}.{number}.{name}" + (f".{piece}" if piece else ""),
                 is_forward=is_forward,
                 is_cut=cut if is_forward else cut[::-1],
-                line=line[part][turned],
-                s=layout.s[part][turned],
-                aside=layout.middle(name)[part][turned],
-                border=border[part][turned] if is_forward else border[part][turned, ::-1],
+                line=lines[i, part][turned],
+                length=float(steps[i, own[0] : own[-1]].sum()),
+                s=s[part][turned],
+                aside=aside[i, part][turned],
+                border=border[:, ::-1] if (name > 0) != is_forward else border,
                 bank=None if bank is None else bank[part][turned] * (1.0 if is_forward else -1.0),
-                width=float(np.interp(middle, layout.s, layout.widths[name])),
+                width=float(np.interp(middle, s, layout.widths[outer[i]])),
                 speed_limit=find_limit(road, number, name, middle),
             )
 
 
-def _borders(line: FloatArray, left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return how far edges are from a line, across it, (n, 2) [m]; left and right as seen along it."""
-    ahead = np.empty((len(line), 2))
-    ahead[1:-1] = line[2:, :2] - line[:-2, :2]
-    ahead[0], ahead[-1] = line[1, :2] - line[0, :2], line[-1, :2] - line[-2, :2]
-    ahead /= np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)[:, None]
-    across = np.stack([-ahead[:, 1], ahead[:, 0]], axis=-1)
-    sides = [((edge - line)[:, :2] * across).sum(axis=1) for edge in (left, right)]
-    return np.stack([np.maximum(sides[0], 0.0), np.maximum(-sides[1], 0.0)], axis=-1)
+def _borders(lines: FloatArray, outer: FloatArray, inner: FloatArray, side: FloatArray) -> FloatArray:
+    """Return how far the outer and the inner edges of lanes are from their lines, across these, (k, n, 2) [m].
+
+    Args:
+        lines, outer, inner: (k, n, 3) along the road [m].
+        side: (k, 1) 1 for lanes to the left of lane 0, -1 for others.
+    """
+    ahead = np.empty((*lines.shape[:2], 2))
+    ahead[:, 1:-1] = lines[:, 2:, :2] - lines[:, :-2, :2]
+    ahead[:, 0], ahead[:, -1] = lines[:, 1, :2] - lines[:, 0, :2], lines[:, -1, :2] - lines[:, -2, :2]
+    ahead *= (side / np.maximum(np.hypot(ahead[..., 0], ahead[..., 1]), 1e-9))[..., None]
+    edges = []
+    for way, edge in ((1.0, outer), (-1.0, inner)):
+        x, y = np.moveaxis(edge - lines, -1, 0)[:2]
+        edges.append(np.maximum(way * (y * ahead[..., 0] - x * ahead[..., 1]), 0.0))
+    return np.stack(edges, axis=-1)
 
 
 def find_limit(road: Road, number: int, lane: int, s: float) -> float:
@@ -334,15 +343,18 @@ def paint_marks(road: Road, number: int, layout: SectionLayout) -> Iterator[Bord
             shapes = mark_shapes(mark)
             yield Border(
                 f"{road.id}.{number}.{name}" + (f".{row}" if row else ""),
-                _between(layout, layout.points(layout.edges[name]), low, high),
+                _between(layout.s, layout.edge_lines[layout.row[name]], low, high),
                 kind,
                 shapes[::-1] if name > 0 else shapes,
                 ("white" if mark.colour == "standard" else mark.colour,),
             )
 
 
-def _between(layout: SectionLayout, line: FloatArray, low: float, high: float) -> FloatArray:
-    """Return a part of a line of a section, with its ends exactly there."""
-    inner = layout.s[(layout.s > low + SHORT) & (layout.s < high - SHORT)]
-    at = np.concatenate([[low], inner, [high]])
-    return np.stack([np.interp(at, layout.s, column) for column in line.T], axis=-1)
+def _between(s: FloatArray, line: FloatArray, low: float, high: float) -> FloatArray:
+    """Return a part of a line with points at places `s`, with its ends exactly at two of these or between them."""
+    first, last = s.searchsorted((low + SHORT, high - SHORT)).tolist()
+    found = line[first - 1 : last + 1].copy()
+    for row, place, i in ((0, low, first), (-1, high, last)):
+        share = (place - s[i - 1]) / (s[i] - s[i - 1])
+        found[row] = line[i - 1] + share * (line[i] - line[i - 1])
+    return found

@@ -16,7 +16,14 @@ import numpy as np
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION, read_projection
 from rosbridge_sim.maps.opendrive.default_signals import plan_signals
-from rosbridge_sim.maps.opendrive.lane_layout import LanePiece, RoadLayouts, SectionLayout, lay_lanes, paint_marks
+from rosbridge_sim.maps.opendrive.lane_layout import (
+    MAX_POINTS,
+    LanePiece,
+    RoadLayouts,
+    SectionLayout,
+    lay_lanes,
+    paint_marks,
+)
 from rosbridge_sim.maps.opendrive.lane_links import find_cuts, find_followers, find_neighbours, spread_cuts
 from rosbridge_sim.maps.opendrive.road_elements import (
     MAX_COORDINATE,
@@ -44,9 +51,6 @@ from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.xml_documents import Element, read_children
 
 ROOT: Final = "OpenDRIVE"
-
-MAX_POINTS: Final = 5_000_000
-"""Points of all lanes, as in MGeo maps."""
 
 MAX_LANES: Final = 100_000
 
@@ -178,12 +182,12 @@ class _Reading:
         for number, section in enumerate(road.sections):
             kept = spread_cuts(cuts | find_cuts(road, section), section)
             layout = SectionLayout(road, section, kept)
-            self._num_points += len(layout.s) * len(layout.edges)
+            self._num_points += layout.edges.size
             if self._num_points > MAX_POINTS:
                 raise element.error("", f"a map of at most {MAX_POINTS:,} points; this road is one too many")
             own = list(lay_lanes(road, number, layout, kept))
             self._pieces += own
-            self._metres += sum(float(np.hypot(*np.diff(one.line[:, :2], axis=0).T).sum()) for one in own)
+            self._metres += sum(one.length for one in own)
             if self._metres > MAX_METRES:
                 raise element.error("", f"a map of at most {MAX_METRES / 1e3:,.0f} km of lanes; this road is too much")
             self._borders += paint_marks(road, number, layout)

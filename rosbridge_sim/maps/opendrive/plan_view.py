@@ -65,7 +65,8 @@ def place_on(shapes: Sequence[PlanShape], s: FloatArray) -> tuple[FloatArray, Fl
     Returns:
         (n,) x, y [m] and heading [rad].
     """
-    which = rows_at(np.array([shape.s for shape in shapes]), s)
+    starts = np.array([shape.s for shape in shapes])
+    which = np.maximum(starts.searchsorted(_nudged(s), side="right") - 1, 0)
     x, y, heading = np.empty(len(s)), np.empty(len(s)), np.empty(len(s))
     for row in np.unique(which).tolist():
         shape, own = shapes[row], which == row
@@ -76,29 +77,58 @@ def place_on(shapes: Sequence[PlanShape], s: FloatArray) -> tuple[FloatArray, Fl
     return x, y, heading
 
 
-def rows_at(starts: FloatArray, s: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the row of the record that holds at each place, (n,); see `place_on` for the first and the last place."""
+def _nudged(s: FloatArray) -> FloatArray:
+    """Return places of which the first one lies behind a joint, and the last one before it; see `place_on`."""
     places = s.copy()
     places[0] += SHORT
     places[-1] -= SHORT
-    return np.maximum(np.searchsorted(starts, places, side="right") - 1, 0)
+    return places
 
 
 def evaluate(cubics: FloatArray, s: FloatArray) -> FloatArray:
-    """Return the values of polynomials.
+    """Return the values of polynomials, (n,); see `evaluate_all`."""
+    return np.asarray(evaluate_all([cubics], s)[0])
+
+
+def evaluate_all(tables: Sequence[FloatArray], s: FloatArray) -> FloatArray:
+    """Return the values of several tables of polynomials at the same places.
 
     Args:
-        cubics: (k, 5) s, a, b, c, d by rising s; without any the values are 0.
+        tables: (k, 5) each: s, a, b, c, d by rising s; without any the values are 0.
         s: (n,) as for `place_on` [m].
 
     Returns:
-        (n,) a + b d + c d^2 + d d^3, where the distance d counts from the record's s.
+        (tables, n) a + b d + c d^2 + d d^3, where the distance d counts from the record's s.
     """
-    if not len(cubics):
-        return np.zeros(len(s))
-    start, a, b, c, d = cubics[rows_at(cubics[:, 0], s)].T
+    start, a, b, c, d = records_at(tables, _nudged(s))
     away = s - start
     return np.asarray(a + away * (b + away * (c + away * d)))
+
+
+def records_at(tables: Sequence[FloatArray], places: FloatArray) -> FloatArray:
+    """Return the records that hold at places.
+
+    Args:
+        tables: as for `evaluate_all`.
+        places: (n,) rising [m].
+
+    Returns:
+        (5, tables, n) s, a, b, c, d; of the first record for a place before it.
+    """
+    joined = np.concatenate([each if len(each) else NO_RECORD for each in tables])
+    if len(joined) == len(tables):
+        return np.broadcast_to(joined.T[:, :, None], (5, len(tables), len(places)))
+    heads = np.cumsum([0, *(len(each) or 1 for each in tables)])
+    # The record in row i holds at the places from begin[i] to begin[i + 1]; those of each table take all n.
+    begin = np.append(places.searchsorted(joined[:, 0]), 0)
+    begin[heads] = 0
+    end = begin[1:].copy()
+    end[heads[1:] - 1] = len(places)
+    return joined.T.repeat(end - begin[:-1], axis=1).reshape(5, len(tables), len(places))
+
+
+NO_RECORD: Final = np.zeros((1, 5))
+"""The record of a table without any."""
 
 
 def _line(along: FloatArray, _: float) -> Local:

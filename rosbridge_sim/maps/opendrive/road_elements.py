@@ -6,7 +6,8 @@ What a file holds beside these and the tables of `READ` has no meaning here; `Un
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from operator import attrgetter, itemgetter
 from typing import Final
 
 import numpy as np
@@ -81,7 +82,7 @@ class LaneElement(Record, eq=False, gc=False):
         type: such as "driving".
         widths: (k, 5) polynomials; s counts from the section's start.
         predecessors, successors: ids of lanes that it is linked with at the section's start and end.
-        marks: by rising s.
+        marks: by rising s; those that only repeat the one before are left out.
         speeds: distances from the section's start [m] and limits [m/s], 0 for none.
     """
 
@@ -232,7 +233,7 @@ def read_road(element: Element) -> Road:
         is_left_hand=element.choice("rule", ("RHT", "LHT"), "RHT") == "LHT",
         before=_read_end(element, "predecessor"),
         after=_read_end(element, "successor"),
-        shapes=tuple(map(_read_shape, _by_s(_needed(element, "planView").all("geometry")))),
+        shapes=tuple(sorted(map(_read_shape, _needed(element, "planView").all("geometry")), key=_BY_S)),
         elevation=_cubics(_within(element, "elevationProfile", "elevation")),
         roll=_cubics(_within(element, "lateralProfile", "superelevation")),
         offset=_cubics(lanes.all("laneOffset")),
@@ -319,7 +320,7 @@ _FIGURES: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 def _read_sections(lanes: Element, length: float) -> tuple[LaneSection, ...]:
-    elements = _by_s(lanes.all("laneSection"))
+    elements = sorted(lanes.all("laneSection"), key=lambda one: one.number("s", 0.0))
     if not elements:
         raise lanes.error("", "a <laneSection>; there is none")
     starts = [element.number("s", None, 0.0, MAX_LENGTH) for element in elements]
@@ -345,18 +346,27 @@ def _read_lane(element: Element) -> LaneElement:
     if name and not widths and element.first("border") is not None:
         raise element.error("border", "<width> records; lanes with <border> alone are not read")
     links = [link for part in element.all("link") for link in part.children]
+    marks: list[RoadMark] = []
+    for mark in sorted(map(_read_mark, element.all("roadMark")), key=_BY_S):
+        if not marks or (mark.type, mark.colour) != (marks[-1].type, marks[-1].colour):
+            marks.append(mark)
     return LaneElement(
         id=name,
         type=element.word("type", "none"),
         widths=_cubics(widths, "sOffset"),
         predecessors=tuple(_lane_id(link, "id") for link in links if link.tag == "predecessor"),
         successors=tuple(_lane_id(link, "id") for link in links if link.tag == "successor"),
-        marks=tuple(
-            RoadMark(mark.number("sOffset", 0.0), mark.word("type", "none"), mark.word("color", "standard"))
-            for mark in _by_s(element.all("roadMark"), "sOffset")
-        ),
+        marks=tuple(marks),
         speeds=tuple((one.number("sOffset", 0.0), _read_limit(one)) for one in element.all("speed")),
     )
+
+
+def _read_mark(element: Element) -> RoadMark:
+    return RoadMark(element.number("sOffset", 0.0), element.word("type", "none"), element.word("color", "standard"))
+
+
+_BY_S: Final = attrgetter("s")
+"""Key of records by rising s; files have them in this order, and a few do not."""
 
 
 def _lane_id(element: Element, key: str) -> int:
@@ -371,18 +381,16 @@ def _read_limit(element: Element | None) -> float:
     return element.number("max", None, 0.0, 1_000.0) * _UNITS[unit]
 
 
-def _cubics(elements: Iterator[Element] | list[Element], key: str = "s") -> FloatArray:
+def _cubics(elements: Iterable[Element], key: str = "s") -> FloatArray:
     """Return (k, 5) polynomials by rising s."""
-    rows = [
-        [one.number(key, 0.0, 0.0, MAX_LENGTH), *(one.number(figure, 0.0) for figure in "abcd")] for one in elements
-    ]
-    found = np.array(rows, dtype=np.float64).reshape(-1, 5)
-    return found[np.argsort(found[:, 0], kind="stable")]
-
-
-def _by_s(elements: Iterator[Element], key: str = "s") -> list[Element]:
-    """Return elements by rising s; files have them in this order, and a few do not."""
-    return sorted(elements, key=lambda one: one.number(key, 0.0))
+    rows = []
+    for one in elements:
+        row = one.numbers((key, "a", "b", "c", "d"))
+        if not 0.0 <= row[0] <= MAX_LENGTH:
+            one.number(key, 0.0, 0.0, MAX_LENGTH)  # tells it
+        rows.append(row)
+    rows.sort(key=itemgetter(0))
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 
 def _within(element: Element, part: str, tag: str) -> Iterator[Element]:

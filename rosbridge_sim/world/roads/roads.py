@@ -439,7 +439,7 @@ class Roads:
         state = blake2b(repr(self.ids).encode(), digest_size=16)
         columns = (self.points, self.border, self.first, self.width, self.speed_limit, self.left, self.right)
         for column in (*columns, self.is_stop, self.first_successor, self.successor):
-            state.update(column.tobytes())
+            state.update(np.ascontiguousarray(column).data)  # not copied: many points would keep other threads waiting
         if np.count_nonzero(self.bank):
             state.update(self.bank.tobytes())
         return state.digest()

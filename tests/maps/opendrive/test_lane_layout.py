@@ -135,6 +135,16 @@ def test_marks_become_lines_with_shapes_colours_and_kinds() -> None:
     }
 
 
+def test_marks_that_only_repeat_the_one_before_are_no_lines_of_their_own() -> None:
+    kinds = ((50, "solid"), (0, "broken"), (20, "broken"))
+    marks = "".join(f'<roadMark sOffset="{s}" type="{kind}"/>' for s, kind in kinds)
+    found = read(road(sections=section([lane(0), lane(-1, marks)]))).borders
+    assert [(one.shape, one.line[[0, -1], 0].tolist()) for one in found] == [
+        (("Broken",), [0.0, 50.0]),
+        (("Solid",), [50.0, 100.0]),
+    ]
+
+
 def test_short_shapes_and_sections_make_no_lanes_without_length() -> None:
     plan = geometry(LINE, 1e-7) + geometry(LINE, 100.0, 1e-7)
     parts = section([lane(0), lane(-1)]) + section([lane(0), lane(-1)], 50.0) + section([lane(0), lane(-1)], 50.0000001)

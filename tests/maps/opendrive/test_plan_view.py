@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.maps.opendrive.plan_view import PlanShape, evaluate, place_on
+from rosbridge_sim.maps.opendrive.plan_view import PlanShape, evaluate, evaluate_all, place_on
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 S = np.linspace(0.0, 60.0, 121)
@@ -85,3 +85,14 @@ def test_polynomials_hold_from_their_start_with_their_own_variable() -> None:
     assert evaluate(cubics, np.array([0.0, 4.0, 10.0, 12.0])).tolist() == [1.0, 3.0, 6.0, 6.0 + 0.4 + 0.08]
     assert evaluate(cubics, np.array([0.0, 10.0])).tolist() == [1.0, 6.0]
     assert evaluate(np.zeros((0, 5)), S).tolist() == [0.0] * len(S)
+
+
+def test_tables_at_the_same_places_have_the_values_of_a_search_in_each() -> None:
+    random = np.random.default_rng(4)
+    for counts in ([1, 1], [3, 0, 1, 5], [0], [2, 7]):
+        tables = [np.column_stack([np.sort(random.uniform(-5.0, 70.0, n)), random.normal(size=(n, 4))]) for n in counts]
+        for table, values in zip(tables, evaluate_all(tables, S), strict=True):
+            for s, value in zip(S[1:-1].tolist(), values[1:-1].tolist(), strict=True):
+                held = [row for row in table.tolist() if row[0] <= s] or table[:1].tolist() or [[0.0] * 5]
+                start, a, b, c, d = held[-1]
+                assert value == pytest.approx(a + b * (s - start) + c * (s - start) ** 2 + d * (s - start) ** 3)
