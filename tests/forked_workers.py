@@ -7,6 +7,7 @@ At the end the files that took longest are listed, with the CPU time of the prog
 
 from __future__ import annotations
 
+import ctypes
 import multiprocessing
 import os
 import signal
@@ -52,6 +53,9 @@ MANY_GROUPS = 30
 WORKER = "TEST_WORKER"
 """Environment variable: the number of this process among those that run tests."""
 
+SEND_AFTER = 0.1
+"""What a fork reports within so long is sent together [s]: to wake the first process for it costs half a short test."""
+
 _CONTEXT = multiprocessing.get_context("fork")
 
 
@@ -60,13 +64,13 @@ class _Worker:
     """A fork, as the first process knows it.
 
     Attributes:
-        waiting: tests that it was given and has not begun, as places in the list of all.
-        running: the one that has begun.
+        running: the test that has begun and not ended, as its place in the list of all, else -1; the fork sets it.
+        waiting: tests that it was given and has not reported.
     """
 
     process: BaseProcess
+    running: ctypes.c_int
     waiting: list[int] = field(default_factory=list)
-    running: int | None = None
 
 
 class ForkedWorkers:
@@ -131,49 +135,54 @@ class ForkedWorkers:
 
     def _fork(self, session: pytest.Session) -> None:
         ours, theirs = _CONTEXT.Pipe()
+        running = _CONTEXT.RawValue(ctypes.c_int, -1)
         number = self._num_forked % self._num_workers
         server = None if self._origin is None else fork_server.ForkServer(self._origin)
-        process = _CONTEXT.Process(target=_work, args=(session, theirs, [ours, *self._workers], number, server))
+        process = _CONTEXT.Process(
+            target=_work,
+            args=(session, theirs, running, [ours, *self._workers]),
+            kwargs={"number": number, "server": server},
+        )
         process.start()
         theirs.close()
         if server is not None:
             server.let_go()
         self._num_forked += 1
-        self._workers[ours] = _Worker(process)
+        self._workers[ours] = _Worker(process, running)
 
     def _hear(self, session: pytest.Session, connection: Connection) -> None:
-        """Take one message of a fork."""
+        """Take the next messages of a fork."""
         worker, hook = self._workers[connection], session.config.hook
         try:
-            kind, value = connection.recv()
+            messages = connection.recv()
         except (EOFError, ConnectionResetError):
             self._bury(session, connection)
             return
-        if kind == "begin":
-            worker.running = value
-            worker.waiting.remove(value)
-        elif kind == "report":
-            report = hook.pytest_report_from_serializable(config=session.config, data=value)
-            hook.pytest_runtest_logreport(report=report)
-        elif kind == "warning":
-            hook.pytest_warning_recorded.call_historic(kwargs=value)
-        elif kind == "end":
-            worker.running = None
-            hook.pytest_runtest_logfinish(nodeid=value[0], location=value[1])
-        elif kind == "cost":
-            file, wall, cpu = value
-            self._costs[file] = self._costs[file][0] + wall, self._costs[file][1] + cpu
-        else:  # it wants work
-            worker.waiting = self._groups.pop(0) if self._groups else []
-            connection.send(list(worker.waiting))
+        for kind, value in messages:
+            if kind == "report":
+                report = hook.pytest_report_from_serializable(config=session.config, data=value)
+                hook.pytest_runtest_logreport(report=report)
+            elif kind == "warning":
+                hook.pytest_warning_recorded.call_historic(kwargs=value)
+            elif kind == "end":
+                item = session.items[value]
+                worker.waiting.remove(value)
+                hook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+            elif kind == "cost":
+                file, wall, cpu = value
+                self._costs[file] = self._costs[file][0] + wall, self._costs[file][1] + cpu
+            else:  # it wants work
+                worker.waiting = self._groups.pop(0) if self._groups else []
+                connection.send(list(worker.waiting))
 
     def _bury(self, session: pytest.Session, connection: Connection) -> None:
         """A fork has ended: in the midst of a test, that one has failed, and another fork runs the rest."""
         worker = self._workers.pop(connection)
         connection.close()
         worker.process.join()
-        if worker.running is not None:
-            item = session.items[worker.running]
+        if worker.running.value >= 0:
+            worker.waiting.remove(worker.running.value)
+            item = session.items[worker.running.value]
             text = f"the process of the test ended with {worker.process.exitcode}"
             session.config.hook.pytest_runtest_logreport(
                 report=pytest.TestReport(item.nodeid, item.location, {}, "failed", text, "call")
@@ -205,7 +214,9 @@ def _file_of(item: pytest.Item) -> str:
 def _work(
     session: pytest.Session,
     connection: Connection,
+    running: ctypes.c_int,
     others: Iterable[Connection],
+    *,
     number: int,
     server: fork_server.ForkServer | None,
 ) -> None:
@@ -218,18 +229,21 @@ def _work(
     os.environ[WORKER] = str(number)
     _have_own_files(config, number)
     config.pluginmanager.unregister(name="terminalreporter")
-    config.pluginmanager.register(_Sender(config, connection))
+    sender = _Sender(config, connection)
+    config.pluginmanager.register(sender)
     item: pytest.Item | None = None
     try:
-        while group := _ask(connection):
+        while group := sender.ask():
             began, cpu = time.monotonic(), _cpu_time()
             for i, after in pairwise([*group, -1]):
                 item, following = session.items[i], session.items[after] if after >= 0 else None
-                connection.send(("begin", i))
+                running.value = i
                 # Behind None all fixtures would end; behind the session, those of the file.
                 config.hook.pytest_runtest_protocol(item=item, nextitem=following or session)
+                running.value = -1
+                sender.end(i)
                 if following is None or _file_of(following) != _file_of(item):
-                    connection.send(("cost", (_file_of(item), time.monotonic() - began, _cpu_time() - cpu)))
+                    sender.say("cost", (_file_of(item), time.monotonic() - began, _cpu_time() - cpu))
                     began, cpu = time.monotonic(), _cpu_time()
     except (KeyboardInterrupt, EOFError, BrokenPipeError, ConnectionResetError):
         connection.close()  # the first process was stopped, or has ended
@@ -237,17 +251,12 @@ def _work(
     if item is not None and not connection.closed and call.excinfo is not None:
         report = config.hook.pytest_runtest_makereport(item=item, call=call)
         config.hook.pytest_runtest_logreport(report=report)
+        sender.send()
 
 
 def _cpu_time() -> float:
     """That of this process and of all that it has started [s]."""
     return cpu_time(os.getpid(), *fork_server.pids())
-
-
-def _ask(connection: Connection) -> list[int]:
-    connection.send(("ask", None))
-    group: list[int] = connection.recv()
-    return group
 
 
 def _have_own_files(config: pytest.Config, number: int) -> None:
@@ -262,21 +271,42 @@ def _have_own_files(config: pytest.Config, number: int) -> None:
 
 
 class _Sender:
-    """The pytest plugin of a fork that sends what happens to the first process."""
+    """The pytest plugin of a fork that sends what happens to the first process: of many short tests together."""
 
     def __init__(self, config: pytest.Config, connection: Connection) -> None:
         self._config, self._connection = config, connection
+        self._messages: list[tuple[str, object]] = []
+        self._sent = time.monotonic()
+        self._has_failed = False
+
+    def ask(self) -> list[int]:
+        """The next tests to run."""
+        self.say("ask", None)
+        self.send()
+        group: list[int] = self._connection.recv()
+        return group
+
+    def say(self, kind: str, value: object) -> None:
+        """Have a message sent soon."""
+        self._messages.append((kind, value))
+
+    def end(self, i: int) -> None:
+        """Have it sent that a test has ended: at once if it has failed. What is lost with this process is run again."""
+        self.say("end", i)
+        if self._has_failed or time.monotonic() - self._sent > SEND_AFTER:
+            self.send()
+
+    def send(self) -> None:
+        """Send what is not sent yet."""
+        self._connection.send(self._messages)
+        self._messages, self._sent, self._has_failed = [], time.monotonic(), False
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Send a report."""
-        data = self._config.hook.pytest_report_to_serializable(config=self._config, report=report)
-        self._connection.send(("report", data))
-
-    def pytest_runtest_logfinish(self, nodeid: str, location: tuple[str, int | None, str]) -> None:
-        """Send that a test is over."""
-        self._connection.send(("end", (nodeid, location)))
+        """Have a report sent."""
+        self._has_failed |= report.failed
+        self.say("report", self._config.hook.pytest_report_to_serializable(config=self._config, report=report))
 
     def pytest_warning_recorded(self, warning_message: Any, when: str, nodeid: str, location: Any) -> None:  # noqa: ANN401 - as pytest has it
-        """Send a warning."""
+        """Have a warning sent."""
         value = {"warning_message": warning_message, "when": when, "nodeid": nodeid, "location": location}
-        self._connection.send(("warning", value))
+        self.say("warning", value)
