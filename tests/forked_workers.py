@@ -90,6 +90,13 @@ class ForkedWorkers:
         self._costs: dict[str, tuple[float, float]] = defaultdict(lambda: (0.0, 0.0))
 
     @pytest.hookimpl(tryfirst=True)
+    def pytest_collection(self, session: pytest.Session) -> None:
+        """Begin with the import for programs while tests are collected, if all of them are."""
+        is_whole = session.config.args_source == pytest.Config.ArgsSource.TESTPATHS
+        if is_whole and not session.config.option.collectonly:
+            self._origin = fork_server.ForkServer()
+
+    @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> bool | None:
         """Run all tests in forks."""
         if session.testsfailed or session.config.option.collectonly:
@@ -99,7 +106,7 @@ class ForkedWorkers:
             reporter.showfspath = False  # tests of several files end in turns
         is_long = session.config.getoption("long", default=False)
         self._groups = _groups_of(session.items, apart=APART if is_long else set())
-        if len(self._groups) > MANY_GROUPS:
+        if self._origin is None and len(self._groups) > MANY_GROUPS:
             self._origin = fork_server.ForkServer()
         try:
             self._run(session)
