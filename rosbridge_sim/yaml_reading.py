@@ -65,8 +65,12 @@ class YamlDocument(Record):
         return self.lines.get(place, 1)
 
 
-def read_yaml(text: str, source: str) -> YamlDocument:
+def read_yaml(text: str, source: str, expected: str = "YAML") -> YamlDocument:
     """Read one YAML document.
+
+    Args:
+        source: name of the file, for errors.
+        expected: what a text may be, for the error about one that is no YAML.
 
     Raises:
         DocumentError: one line, such as `robot.yaml:3:17: ...`: it is no YAML, too much, or has a tag, two documents
@@ -86,7 +90,7 @@ def read_yaml(text: str, source: str) -> YamlDocument:
         problem = getattr(error, "problem", None) or str(error).partition("\n")[0] or "nested too deeply"
         mark = getattr(error, "problem_mark", None)
         place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise DocumentError(f"{source}{place}: expected YAML: {printable(problem, 200)}") from None
+        raise DocumentError(f"{source}{place}: expected {expected}: {printable(problem, 200)}") from None
     return YamlDocument(source, builder.value, builder.lines)
 
 

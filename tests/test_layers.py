@@ -150,7 +150,7 @@ cli: * cli.files cli.tools link
 cli.doctor: * cli.tools doctor link
 cli.contracts: * cli.tools contracts document_reading junit link yaml_reading
 cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
-    shell.config shell.files shell.page shell.ros1 shell.ros2
+    shell.config shell.files shell.page shell.ros1 shell.ros2 yaml_reading
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
     world.geometry world.roads world.state
 cli.mock: * cli.contracts cli.tools contracts link mock schema shell.bags shell.files shell.mocking

@@ -195,21 +195,10 @@ def read_body(text: str, where: str) -> object:
     try:
         value = json.loads(text)  # with the words NaN and Infinity
     except (ValueError, RecursionError):
-        value = _read_yaml(text, where)
+        from rosbridge_sim.yaml_reading import read_yaml  # noqa: PLC0415 - and msgspec, which most commands do not need
+
+        value = read_yaml(text, where, "JSON, or YAML such as '{x: 1}'").value
     try:
-        return json.loads(to_json(value))  # a date becomes its text
+        return json.loads(to_json(value))
     except TypeError as error:
         raise DocumentError(f"{where}: expected what JSON can hold: {error}") from None
-
-
-def _read_yaml(text: str, where: str) -> object:
-    from ruamel.yaml import YAML  # noqa: PLC0415 - takes 40 ms, and most commands do not need it
-    from ruamel.yaml.error import YAMLError  # noqa: PLC0415
-
-    try:
-        return cast("object", YAML(typ="safe", pure=True).load(text))
-    except (YAMLError, ValueError, RecursionError) as error:
-        problem = getattr(error, "problem", None) or str(error).partition("\n")[0] or "nested too deeply"
-        mark = getattr(error, "problem_mark", None)
-        place = f":{mark.line + 1}:{mark.column + 1}" if mark else ""
-        raise DocumentError(f"{where}{place}: expected JSON, or YAML such as '{{x: 1}}': {safe(problem)}") from None
