@@ -34,9 +34,9 @@ from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.assembly import make_simulator_node, mistakes_of_items
 from rosbridge_sim.shell.config.loading import check_options
-from rosbridge_sim.shell.files.story_files import is_story
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
@@ -138,21 +138,23 @@ def _make_worlds(
     """
     values, runs = group[0][1], [run for run, _ in group]
     check_settings(values.settings, "", has_server=False)
-    is_told = any(is_story(name, text) for text, name in (loaded.scenario_text(run.scenario, ()) for run in runs))
-    if is_told or loaded.campaign.fields or not values.settings.keys() <= WORLD_SETTINGS.keys():
+    needs_nodes = bool(loaded.campaign.fields) or not values.settings.keys() <= WORLD_SETTINGS.keys()
+    scenarios = [] if needs_nodes else [loaded.scenario(run.scenario, each.scenario) for run, each in group]
+    if needs_nodes or any(scenario.story is not None for scenario in scenarios):
         for drive, run in zip(drives, runs, strict=True):
             drive.outcome.work = make_work_folder(loaded, run)
         return NodeWorlds(loaded, drives, runs)
-    return _make_fast_worlds(loaded, group)
+    return _make_fast_worlds(loaded, group, scenarios)
 
 
-def _make_fast_worlds(loaded: LoadedJob, group: Sequence[tuple[Run, RunValues]]) -> Worlds:
+def _make_fast_worlds(
+    loaded: LoadedJob, group: Sequence[tuple[Run, RunValues]], scenarios: Sequence[Scenario]
+) -> Worlds:
     values = group[0][1]
     settings = check_options(values.settings)
     options: dict[str, Any] = {WORLD_SETTINGS[key]: getattr(settings, key) for key in values.settings}
     if "impacts" in options:
         options["impacts"] = options["impacts"] == "impact"
-    scenarios = [loaded.scenario(run.scenario, each.scenario) for run, each in group]
     try:
         return Worlds(
             scenarios, seed=[run.seed for run, _ in group], vehicle=values.vehicle, library=loaded.library, **options

@@ -108,7 +108,7 @@ class Scenario(Record, eq=False):
         egos, vehicles, pedestrians, obstacles: agents to add. No two have one `uid`.
         phases: phases of intersections at the start.
         spawn_points: places where vehicles appear.
-        story: what the file of OpenSCENARIO asks for; None for a scenario of MORAI's JSON.
+        story: what the file of OpenSCENARIO, or the blocks `rosbridge_sim` of MORAI's JSON, ask for; None for nothing.
         kept: keys of the document without effect yet, with their values as they are written.
         notes: remarks about reinterpreted entries: a line each, for the log.
     """

@@ -21,6 +21,7 @@ from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
+from rosbridge_sim.scenarios.events import check_places
 from rosbridge_sim.scenarios.scenario import Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_model import MAX_SCENARIO_BYTES, ScenarioDocument, find_scenario_mistakes
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads, read_scenario, sort_phases
@@ -113,7 +114,7 @@ def find_misspelt_keys(keys: SortedKeys) -> list[str]:
     lines = []
     for path, num in islice(keys.passed_over.items(), MAX_UNKNOWN):
         meant = find_misspelt_key(path)
-        if meant:
+        if meant and ".rosbridge_sim." not in f".{path}":  # there an unknown key is a mistake
             times = "" if num == 1 else f" ({num:,} times)"
             lines.append(f"{path}{times} is no known key and is ignored; did you mean {meant}?")
     return _short(lines)
@@ -161,6 +162,11 @@ def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[s
     """
     mistakes: list[str] = []
     placed = place_on_roads(scenario, road_map.roads, lambda error: mistakes.append(str(error)))
+    if placed.story is not None:
+        try:
+            check_places(placed.story, road_map)
+        except DocumentError as error:
+            mistakes.append(str(error))
     _, strange = sort_phases(placed, road_map.plan)
     return replace(placed, notes=(*placed.notes, *(f"tlList: {line}" for line in strange))), mistakes
 

@@ -1,10 +1,11 @@
 """The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
 
 Keys that these models name are read. All other keys that MORAI writes (physical state, editor state) are ignored. Of
-the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Four keys are ours.
+the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Five keys are ours.
 Three are for users who write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the
 catalogue instead of `DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that
-a vehicle follows. The fourth is `yields`: the item stops for what is ahead on its path.
+a vehicle follows. The fourth is `yields`: the item stops for what is ahead on its path. The fifth is `rosbridge_sim`, a
+block of `event_model`.
 `schemas/scenario.schema.json` is generated from this module.
 """
 
@@ -35,6 +36,7 @@ from rosbridge_sim.documents import (
     text_within,
 )
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.scenarios.event_model import ItemBlock, ScenarioBlock, VehicleBlock
 from rosbridge_sim.suggestions import hint
 
 MAX_SCENARIO_BYTES: Final = 1 << 25
@@ -172,6 +174,7 @@ class NpcVehicle(Follower, frozen=True, kw_only=True):
     ] = None
     activeDistance: ActiveDistance = None
     yields: Yields = None
+    rosbridge_sim: Annotated[VehicleBlock | None, Meta(description="when it starts, and events (ours)")] = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
     isLaneChange: Annotated[
@@ -200,6 +203,7 @@ class Pedestrian(Follower, frozen=True, kw_only=True):
     movingDistance: Annotated[Coordinate | None, Meta(description="[m]")] = None
     activeDistance: ActiveDistance = None
     yields: Yields = None
+    rosbridge_sim: Annotated[ItemBlock | None, Meta(description="when it starts (ours)")] = None
     active: KeptAsWritten = None
 
 
@@ -210,6 +214,7 @@ class Obstacle(Follower, frozen=True, kw_only=True):
     rot: Rotation | None = None
     moveSpeed: Annotated[Speed | None, Meta(description="[km/h]")] = None
     activeDistance: ActiveDistance = None
+    rosbridge_sim: Annotated[ItemBlock | None, Meta(description="when it starts (ours)")] = None
     scale: Annotated[Scale | None, Meta(description="of the model's size")] = None
 
 
@@ -340,6 +345,7 @@ class ScenarioDocument(Document, frozen=True, kw_only=True):
     waypointDataList: Annotated[list[WaypointPath], Meta(max_length=MAX_PATHS)] | None = None
     tlList: Annotated[list[IntersectionState], Meta(max_length=MAX_PATHS)] | None = None
     spawnPointList: BoundedList[SpawnPointItem] | None = None
+    rosbridge_sim: Annotated[ScenarioBlock | None, Meta(description="events of lights (ours)")] = None
     pedspawnPointList: KeptAsWritten = None
     frictionChangeMaterialList: KeptAsWritten = None
     shadedAreaList: KeptAsWritten = None

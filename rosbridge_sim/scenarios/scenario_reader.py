@@ -29,6 +29,7 @@ from rosbridge_sim.scenarios.catalogue import (
     find_model,
     model_by_class,
 )
+from rosbridge_sim.scenarios.events import document_story, start_distance
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_model import (
     EgoVehicle,
@@ -300,7 +301,8 @@ class _Reader:
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
         phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
         notes, kept = tuple(self._notes), _kept(document)
-        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept, points)
+        story = next(_all((document,), lambda whole: document_story(whole, self._source), self._tell), None)
+        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept, points, story)
 
     def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
         numbered = enumerate(items or ())
@@ -331,7 +333,7 @@ class _Reader:
             first, second = second, first
         speed_kmh = first if first is not None else second
         spawn = self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
-        spawn = replace(spawn, yields=bool(item.yields), start_within=_start_within(item))
+        spawn = replace(spawn, yields=bool(item.yields), start_within=start_distance(item))
         is_on_lanes = item.isWaypointMode is False or (item.isWaypointMode is None and _names_link(item))
         if spawn.path is not None or (spawn.link is None and not is_on_lanes):
             return spawn
@@ -362,14 +364,14 @@ class _Reader:
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
         spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
         spawn = self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
-        return replace(spawn, start_within=_start_within(item), yields=bool(item.yields))
+        return replace(spawn, start_within=start_distance(item), yields=bool(item.yields))
 
     def _obstacle(self, where: str, item: Obstacle) -> Spawn:
         spawn = self._on_foot(where, Kind.OBSTACLE, item, item.pos, item.rot)
         if item.scale is not None:
             spawn = replace(spawn, model=self._scaled(where, spawn.model, item.scale))
         spawn = self._follow(where, item, spawn, item.moveSpeed)
-        return replace(spawn, start_within=_start_within(item))
+        return replace(spawn, start_within=start_distance(item))
 
     def _spawn_point(self, where: str, item: SpawnPointItem) -> SpawnPoint:
         if item.modelName or (item.spawnVehicleTypeID is not None and item.spawnVehicleTypeID >= 0):
@@ -530,11 +532,6 @@ class _Reader:
             if uid.isdecimal():
                 by_owner.setdefault((what.strip().casefold() == "pedpath", int(uid)), points)
         return by_name, by_owner
-
-
-def _start_within(item: NpcVehicle | Pedestrian | Obstacle) -> float:
-    """Return how near an ego must be before an item starts [m]; 0 for at once."""
-    return max(item.activeDistance or 0.0, 0.0)
 
 
 def _changes_lanes(value: JsonValue) -> bool:

@@ -77,8 +77,8 @@ class OneScene:
             raise ValueError(f"egos: expected 1..{MAX_EGOS}, got {num_egos!r}")
         if scenario.story is not None:
             raise DocumentError(
-                f"{scenario.name}: stories of OpenSCENARIO are told by a server or a campaign, not by Worlds and"
-                " environments; use rosbridge-sim --scenario"
+                f"{scenario.name}: stories of OpenSCENARIO, and events of rosbridge_sim blocks, are told by a server or"
+                " a campaign, not by Worlds and environments; use rosbridge-sim --scenario"
             )
         if model is not None:
             scenario = replace(scenario, egos=tuple(replace(ego, model=model) for ego in scenario.egos))

@@ -1,6 +1,8 @@
-"""Campaigns over scenarios of OpenSCENARIO: parameters are set, and Worlds refuses by name."""
+"""Campaigns over stories: values are set, and Worlds refuses by name."""
 
 from __future__ import annotations
+
+import json
 
 import pytest
 
@@ -65,5 +67,43 @@ def test_a_parameter_that_the_story_lacks_is_told(files: CampaignFolder) -> None
 
 
 def test_worlds_refuse_a_story_by_name(files: CampaignFolder) -> None:
-    with pytest.raises(DocumentError, match="mine: stories of OpenSCENARIO are told by a server or a campaign"):
+    with pytest.raises(
+        DocumentError, match=r"mine: stories of OpenSCENARIO, and events of .* are told by a server or a campaign"
+    ):
         Worlds(str(files.path / "mine.xosc"))
+
+
+EVENTS = {
+    "mapInfo": {"mapName": "motorway"},
+    "egoVehicle": {"initPosition": {"initPositionMode": "Link", "initLink": "L2_00"}, "currentVelocity": 36},
+    "vehicleList": [
+        {
+            "initPosition": {"initPositionMode": "Link", "initLink": "L3_00", "initLinkRatio": 0.3},
+            "desiredVelocity": 36,
+            "rosbridge_sim": {"events": [{"when": {"ego_within": 1}, "speed_kmh": 0, "seconds": 0}]},
+        }
+    ],
+}
+WITH_EVENTS = """
+scenario = "events.json"
+seconds = 1
+[parameters]
+near = [2, 80]
+[set]
+"scenario.vehicleList[0].rosbridge_sim.events[0].when.ego_within" = "near"
+[drivers]
+still = { python = "still.py:drive" }
+"""
+
+
+def test_a_campaign_tells_events_of_a_json_scenario(files: CampaignFolder) -> None:
+    files.write("events.json", json.dumps(EVENTS))
+    files.write(
+        "still.py", "def drive(seen):\n    return {'steering': 0.0, 'accel': -5.0 * (seen.others(1)[0, 3] < -1.0)}\n"
+    )
+    results = files.drive(WITH_EVENTS)
+    assert [result.reason for result in results] == ["", ""]
+    on, brakes = (result.path[-1][0] - result.path[0][0] for result in results)
+    assert brakes < on - 0.3  # the car ahead does
+    with pytest.raises(DocumentError, match="events: stories of OpenSCENARIO, and events of rosbridge_sim blocks"):
+        Worlds(str(files.path / "events.json"))

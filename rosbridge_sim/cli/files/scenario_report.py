@@ -1,7 +1,7 @@
 """`scenario check`: checks of scenario files, and the contents of one: its items, and the keys that are used.
 
 A *mistake* makes loading fail. A *remark* is about a value that loads but is probably not intended, or that is read in
-another way than it is written. A file without either is *good*.
+another way than it is written. A file without either is *good*. A *note* tells of keys of ours, which MORAI ignores.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from rosbridge_sim.maps.map_check import UNREAD_FILES
 from rosbridge_sim.maps.map_formats import MAP_FILES
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
+from rosbridge_sim.scenarios.events import UNTIL_EVENT
 from rosbridge_sim.scenarios.openscenario.entities import place_entities
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.story import each_item
@@ -32,6 +33,7 @@ from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan
 from rosbridge_sim.scenarios.openscenario.storyboard import KINDS
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_check import (
+    Draft,
     find_misspelt_key,
     find_misspelt_keys,
     find_oddities,
@@ -198,6 +200,7 @@ def _account(
         "is_good": not mistakes and not remarks,
         "mistakes": [_without_prefix(line, prefixes) for line in mistakes],
         "remarks": remarks,
+        "notes": list(_notes(draft)),
         "map": map_account,
         "holds": _count(draft.document),
         "items": [] if scenario is None else list(_items(scenario, draft.document, library.catalogue)),
@@ -290,6 +293,15 @@ def _phases(scenario: Scenario, road_map: RoadMap | None) -> Sequence[PhaseStart
     return scenario.phases if road_map is None else sort_phases(scenario, road_map.plan)[0]
 
 
+def _notes(draft: Draft) -> Iterator[str]:
+    """Yield a line about the blocks `rosbridge_sim` of a document, if it has some."""
+    num = sum(count for key, count in draft.keys.read.items() if key.endswith("rosbridge_sim"))
+    story = None if draft.scenario is None else draft.scenario.story
+    events = sum(item.kind == "Event" for item in (() if story is None else each_item(story.storyboard)))
+    if num:
+        yield f"rosbridge_sim: {num:,} blocks, {events:,} triggers; MORAI SIM ignores this key"
+
+
 def _without_prefix(line: str, prefixes: Sequence[str]) -> str:
     return next((line.removeprefix(prefix) for prefix in prefixes if prefix and line.startswith(prefix)), line)
 
@@ -360,7 +372,10 @@ def _way(spawn: Spawn) -> str:
     """Describe the path of an item in a few words."""
     way = _way_once_it_goes(spawn)
     waits = spawn.start_within > 0.0 and (spawn.speed != 0.0 or spawn.driver is not None)
-    return f"{way}, when an ego is within {spawn.start_within:g} m" if waits else way
+    if not waits:
+        return way
+    until = "it is triggered" if spawn.start_within <= UNTIL_EVENT else f"an ego is within {spawn.start_within:g} m"
+    return f"{way}, when {until}"
 
 
 def _way_once_it_goes(spawn: Spawn) -> str:
@@ -389,6 +404,7 @@ def _show(account: _Report) -> None:
     put_verdict(account)
     _show_lines("mistakes", account["mistakes"])
     _show_lines("remarks", account["remarks"])
+    _show_lines("notes", account.get("notes", ()))
     put("")
     if account["map"]["is_known"]:
         put(f"map: {_map_line(account['map'])}")

@@ -1,4 +1,4 @@
-"""A story: what a file of OpenSCENARIO asks for, without XML.
+"""A story: what a file of OpenSCENARIO, or the blocks of a JSON scenario, ask for; without XML.
 
 `read_story` makes it of the texts of the file and its catalogues. The texts are kept with it: they are what a snapshot
 has of a story.
@@ -31,6 +31,9 @@ MAX_ENTITIES: Final = 1_000
 MAX_EVENTS: Final = 1_000
 MAX_LOOKS: Final = 1_000
 """Most conditions, counted once for each of their triggering entities: a frame looks at all, some 0.05 ms each."""
+
+BLOCKS: Final = b"{"
+"""Beginning of the text of a story that is made of blocks `rosbridge_sim`."""
 
 MAX_FOLDERS: Final = 16
 MAX_SHOWN: Final = 8
@@ -94,6 +97,11 @@ class Story(Record, eq=False):
     map_file: str
     map_name: str
     findings: Findings
+
+    @property
+    def is_of_blocks(self) -> bool:
+        """True for a story of MORAI's JSON: its entities are items of the scenario, by their places in the document."""
+        return self.text.text.startswith(BLOCKS)
 
 
 def catalogue_folders(text: bytes, source: str, parameters: Mapping[str, str]) -> list[str]:
@@ -180,7 +188,7 @@ def examine_story(given: StoryText) -> tuple[Story | None, Findings]:
     if item is None:
         return None, findings
     story = _make(given, item, parameters, findings)
-    _check(story)
+    check_story(story)
     return story, findings
 
 
@@ -265,8 +273,8 @@ def choose_ego(wanted: str, entities: Mapping[str, StoryItem], source: str, find
     return vehicles[0] if vehicles else ""
 
 
-def _check(story: Story) -> None:
-    """Check names that refer to something within the story."""
+def check_story(story: Story) -> None:
+    """Check names that refer to something within the story, and numbers; the findings get the mistakes."""
     mistakes, source = story.findings.mistakes, story.text.source
     names = {kind: set(of) for kind, of in element_names(story.storyboard).items()}
     phases = {name: [phase["name"] for phase in item.parts] for name, item in story.controllers.items()}

@@ -126,7 +126,7 @@ class Load:
         road_map: the map that it is prepared for.
         phases: phases to set; each intersection exists and has that phase.
         spawn_points: places where vehicles appear from then on.
-        story: what the file of OpenSCENARIO asks for; None for none.
+        story: triggers and actions; None for none.
     """
 
     name: str

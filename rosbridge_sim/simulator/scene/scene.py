@@ -27,8 +27,10 @@ from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Model
+from rosbridge_sim.scenarios.events import check_places
 from rosbridge_sim.scenarios.openscenario.entities import place_entities
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
+from rosbridge_sim.scenarios.openscenario.story import Story
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads, sort_phases
 from rosbridge_sim.simulator.scene.load import WHOLE, FoundMap, Library, Load, LoadOptions, find_map
@@ -166,7 +168,7 @@ class Scene:
                 raise DocumentError(
                     f"{scenario.name}: a story is loaded whole: expected delete_all and all load_... true"
                 )
-            scenario = place_entities(scenario, StoryMap.of(road_map))
+            scenario = _place_story(scenario, scenario.story, road_map)
         placed = place_on_roads(scenario, road_map.roads)
         for note in placed.notes:
             _log.info("scenario %s: %s", placed.name, note)
@@ -430,6 +432,18 @@ def populate(world: World, load: Load, plan: SignalPlan, next_uid: int, limits: 
                 starts.append(_lane_start(world.row(uid), spawn, spawn.driver))
         keep_lanes(world, starts)
     return next_uid
+
+
+def _place_story(scenario: Scenario, story: Story, road_map: RoadMap) -> Scenario:
+    """Return a scenario with the entities of its story at their places.
+
+    Raises:
+        DocumentError: the map lacks a place.
+    """
+    if story.is_of_blocks:
+        check_places(story, road_map)
+        return scenario
+    return place_entities(scenario, StoryMap.of(road_map))
 
 
 def _log_notes(found: FoundMap) -> RoadMap:

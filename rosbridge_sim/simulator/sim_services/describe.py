@@ -11,6 +11,7 @@ from typing import Any, Final
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import address_of
 from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.scenarios.events import UNTIL_EVENT
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -170,7 +171,8 @@ class Describe(Component):
         if world.kind[row] == Kind.PEDESTRIAN:
             pace = pace.replace("drives", "walks")
         if world.start_within[row] > 0.0:
-            return f"waits until an ego is within {world.start_within.item(row):g} m"
+            within = world.start_within.item(row)
+            return "waits for its event" if within <= UNTIL_EVENT else f"waits until an ego is within {within:g} m"
         if view is None:
             ways = {"path": " on its path", "straight": " straight on", "ghost": ", placed frame by frame"}
             return pace + ("" if behaviour == "straight" and speed == 0.0 else ways.get(behaviour, ""))

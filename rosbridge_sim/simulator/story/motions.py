@@ -24,7 +24,7 @@ from rosbridge_sim.scenarios.openscenario.places import MapPlace
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
 from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, Cast, StoryActor
 from rosbridge_sim.simulator.story.measures import Measures
-from rosbridge_sim.world.state.world import MAX_SPEED, Body
+from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Body
 
 LATERAL_ACCEL: Final = 0.5
 """Greatest lateral acceleration of a change of the offset that gives none [m/s^2]: an unhurried lane change."""
@@ -509,6 +509,16 @@ def _begin_controller(stage: Stage, item: StoryItem, actor: StoryActor, running:
     return True
 
 
+def _begin_start(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    """Have an item that waits start in the next step, wherever the ego is."""
+    del item, running
+    world = stage.cast.world
+    row = world.row(actor.uid)
+    if world.start_within[row] > 0.0:
+        world.start_within[row] = 4.0 * MAX_COORDINATE
+    return True
+
+
 # Synchronize
 
 
@@ -576,6 +586,7 @@ MOTIONS: Final[Mapping[str, StoryMotion]] = {
     "TeleportAction": StoryMotion((), _begin_teleport, _never),
     "ControllerAction": StoryMotion((), _begin_controller, _never),
     "ActivateControllerAction": StoryMotion((), _begin_controller, _never),
+    "StartAction": StoryMotion((), _begin_start, _never),
     "VisibilityAction": StoryMotion((), _never, _never),
     "AppearanceAction": StoryMotion((), _never, _never),
 }

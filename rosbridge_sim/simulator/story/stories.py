@@ -13,6 +13,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.entities import story_scenario
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.storyboard import State, StoryVerdict, Transition, kind_of
@@ -105,8 +106,11 @@ class Stories(Component):
         (hooks.after_frame.rest if story is None else hooks.after_frame.wake)(self._tell)
         if story is None:
             return
-        scenario = story_scenario(story, loaded.name, None, context.scene.catalogue)
-        spawns = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
+        if story.is_of_blocks:
+            spawns = tuple([replace(spawn, name=spawn.where) for spawn in (*loaded.egos, *loaded.others)])
+        else:
+            scenario = story_scenario(story, loaded.name, None, context.scene.catalogue)
+            spawns = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
         self.told = ToldStory(context.scene, story, spawns, StoryMap.of(loaded.road_map))
         self._hold_ego(is_held=story.text.drives_ego)
 
@@ -181,5 +185,5 @@ class Stories(Component):
 
     def _answer(self, call: Call, _now: float) -> None:
         has_story = self.told is not None
-        message = "" if has_story else "the loaded scenario has no story: it is no file of OpenSCENARIO"
+        message = "" if has_story else "the loaded scenario has no story: no OpenSCENARIO, and no events"
         call.respond(result=has_story, message=message, story=self._message())

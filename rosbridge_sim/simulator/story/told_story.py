@@ -24,12 +24,12 @@ from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboa
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES
-from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STORY, STORY_STEP, Cast, StoryActor
+from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STANDS, STORY, STORY_STEP, Cast, StoryActor
 from rosbridge_sim.simulator.story.conditions import StoryView, measure
 from rosbridge_sim.simulator.story.measures import Measures
 from rosbridge_sim.simulator.story.motions import MOTIONS, Running, Stage
 from rosbridge_sim.world.state.placement import set_speed
-from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED
+from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, Kind
 
 _WRAPPERS: Final = frozenset({"PrivateAction", "LongitudinalAction", "LateralAction", "RoutingAction"})
 """Elements around private actions that say only where they belong."""
@@ -105,7 +105,10 @@ class ToldStory:
         self._link()
 
     def _mode_of(self, name: str) -> str:
-        return PROGRAM if name == self.story.ego and not self.story.text.drives_ego else STORY
+        """Return what moves an entity; the items of a JSON scenario are moved by the world."""
+        if name == self.story.ego and not self.story.text.drives_ego:
+            return PROGRAM
+        return DRIVER if self.story.is_of_blocks else STORY
 
     def _use_state(self) -> None:
         """Have everything look at the present state."""
@@ -122,7 +125,12 @@ class ToldStory:
     def _link(self) -> None:
         """Find the actors in the world, by their names."""
         world = self._world
-        rows = {world.names[row]: row for row in reversed(list(world.placed()))}
+        if self.story.is_of_blocks:  # their names are those of models: a scene has them in the order of its load
+            others = [row for row in world.placed() if world.kind[row] != Kind.EGO]
+            names = [name for name, spawn in self._spawns.items() if spawn.kind is not Kind.EGO]
+            rows = dict(zip(names, others, strict=False))
+        else:
+            rows = {world.names[row]: row for row in reversed(list(world.placed()))}
         for name, actor in self.state.actors.items():
             is_ego = name == self.story.ego
             row = world.row(FIRST_EGO) if is_ego and FIRST_EGO in world else rows.get(name)
@@ -131,6 +139,7 @@ class ToldStory:
             actor.uid = int(world.uid[row])
             for axis in ("x", "y", "z", "yaw", "roll", "pitch"):
                 setattr(actor, axis, getattr(world, axis).item(row))
+            actor.speed = world.speed.item(row)
             self._cast.take_lane(actor)
 
     def time(self) -> float:
@@ -175,11 +184,23 @@ class ToldStory:
         step = math.ceil(self._steps() - SAME_TIME) - 1
         if step > self.state.step:
             self.state.step = step
+            if self.story.is_of_blocks:
+                self._hand_back()
             self._cast.observe(self.time() - (self._world.frame - self.state.start) * DT)
             self._advance()
         for name, text in self.state.lights.items():
             if self._row_of_light(name) is not None:
                 self._light(name, text)
+
+    def _hand_back(self) -> None:
+        """Have the world drive the vehicles whose events are over; one that was told to stand stays so."""
+        world, busy = self._world, {running.entity for running in self.state.running}
+        for name, actor in self.state.actors.items():
+            if actor.mode == STORY and actor.uid in world and actor.speed >= STANDS and name not in busy:
+                for axis in POSE:  # where the last frame has shown it
+                    setattr(actor, axis, getattr(world, axis).item(world.row(actor.uid)))
+                self._cast.take_lane(actor)
+                self._cast.hand_over(actor)
 
     def move(self) -> None:
         """Show the actors where they are at the end of a frame, within the world's step."""

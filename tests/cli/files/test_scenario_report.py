@@ -57,6 +57,27 @@ def test_scenario_check_describes_a_good_file(folder: Path) -> None:
     assert "  version (1)" in done.lines
 
 
+def test_blocks_of_ours_are_a_note_and_no_remark(folder: Path) -> None:
+    start = {"initPositionMode": "Link", "initLink": "L2_00"}
+    block = {"start_when": {"time": 3}}
+    car = {"initPosition": start, "isWaypointMode": False, "rosbridge_sim": block}
+    file = folder / "blocks.json"
+    file.write_text(json.dumps({"mapInfo": {"mapName": "motorway"}, "vehicleList": [car]}))
+    done = run("scenario", "check", str(file), "--strict")
+    assert done.lines[:4] == [
+        f"{file}: good",
+        "",
+        "notes:",
+        "  rosbridge_sim: 1 blocks, 1 triggers; MORAI SIM ignores this key",
+    ]
+    assert any(line.endswith("random lanes, at the speed limit, when it is triggered") for line in done.lines)
+    block["start_whem"] = block.pop("start_when")
+    file.write_text(json.dumps({"mapInfo": {"mapName": "motorway"}, "vehicleList": [car]}))
+    done = run("scenario", "check", str(file))
+    assert (done.code, done.lines[0]) == (1, f"{file}: 1 mistake")
+    assert "(did you mean start_when?)" in done.lines[3]
+
+
 def test_misspelt_keys_are_the_first_remarks(folder: Path) -> None:
     car = {**CAR, "velocityTyp": 2, "initPositon": 0, "activeDistance": 9}
     (folder / "typo.json").write_text(json.dumps({**SCENE, "vehicleList": [car, car], "pedestrianlist": []}))
