@@ -14,7 +14,7 @@ from tests.support import ROOT
 PAGES = {
     "README.ko.md": ("README.md", "654dec0062e4"),
     "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
-    "docs/ko/page.md": ("docs/guides/page.md", "7cd9080c603a"),
+    "docs/ko/page.md": ("docs/guides/page.md", "e027db420c0a"),
     "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "4779619aaf46"),
     "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b980737d1a0f"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),

@@ -6,6 +6,7 @@ import { chooseNumber, element, setText } from "../widgets/dom.js";
 import { makeReplayControls } from "./replay.js";
 import { makeScenarioList } from "./scenarios.js";
 import { makeSnapshotList } from "./snapshots.js";
+import { makeStory } from "./story.js";
 import { isLedByOthers, paceText, timeStateText } from "./time_state.js";
 import { FRAME_S } from "./time_watch.js";
 
@@ -27,6 +28,7 @@ export function makeTimePanel(context) {
     makeTransport(context, notice),
     notice.element,
     makeFactor(context, notice),
+    makeStory(context),
     section(texts.snapshots.title, makeSnapshotList(context)),
     section(texts.scenarios.title, makeScenarioList(context), SCENARIOS_ID),
     section(texts.replay.title, makeReplayControls(context)),

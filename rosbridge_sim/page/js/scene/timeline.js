@@ -2,7 +2,7 @@
 
 /** @typedef {import("./scene_view.js").SceneView} SceneView */
 /** @typedef {{time: number, frame: number, view: SceneView, bytes: number}} Moment time of the frame [s] */
-/** @typedef {"collision" | "red" | "lane" | "refusal"} MarkKind */
+/** @typedef {"collision" | "red" | "lane" | "refusal" | "story"} MarkKind */
 /** @typedef {{time: number, kind: MarkKind, text: string}} Mark */
 
 /** So much is kept [s], [bytes]; a crowd of a thousand fills 15 MB in this time. */
