@@ -36,7 +36,7 @@ import numpy as np
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.contacts.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector
 from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collision
-from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among
+from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among, run_of
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, settle
 from rosbridge_sim.world.state.world import DT, MAX_UID, Kind
@@ -130,20 +130,22 @@ def judge(world: WorldRows, before: Before) -> None:
     rows = world.rows(Kind.EGO)
     if not len(rows):
         return
-    poses = world.derived(CollisionDetector).poses[:, :, rows]
-    world.score_frames[rows] += 1
-    world.score_distance[rows] += np.abs(poses[0, POSE_SPEED] + poses[1, POSE_SPEED]) * (0.5 * DT)
+    at = run_of(rows)
+    poses = world.derived(CollisionDetector).poses[:, :, at]
+    start, end = poses
+    world.score_frames[at] += 1
+    world.score_distance[at] += np.abs(start[POSE_SPEED] + end[POSE_SPEED]) * (0.5 * DT)
     _count_contacts(world, rows, before.contacts)
-    _judge_comfort(world, rows, before)
+    _judge_comfort(world, rows, at, before)
     times = find_times_to_collision(world, rows)
-    world.time_to_collision[rows] = times
-    world.min_time_to_collision[rows] = np.fmin(world.min_time_to_collision[rows], times)
+    world.time_to_collision[at] = times
+    world.min_time_to_collision[at] = np.fmin(world.min_time_to_collision[at], times)
     if len(world.roads):
-        first, last = _unit(poses[0, POSE_YAW]), _unit(poses[1, POSE_YAW])
-        start, end = (poses[i, POSE_X] + 1j * poses[i, POSE_Y] for i in range(2))
-        _judge_lanes(world, rows, end + world.centre[rows] * last, last)
-        nose = world.half_length[rows] + world.centre[rows]
-        _judge_lines(world, rows, (start + nose * first, end + nose * last), last)
+        headings, places = _unit(poses[:, POSE_YAW].copy()), poses[:, POSE_X] + 1j * poses[:, POSE_Y]
+        centre = world.centre[at]
+        _judge_lanes(world, rows, at, places[1] + centre * headings[1], headings[1])
+        noses = places + (world.half_length[at] + centre) * headings
+        _judge_lines(world, rows, (noses[0], noses[1]), headings[1])
 
 
 def read_score(world: WorldRows, row: int) -> Score:
@@ -233,74 +235,79 @@ def _are_among(pairs: IntArray, others: IntArray) -> BoolArray:
     return is_among(keys[: len(pairs)], keys[len(pairs) :])
 
 
-def _judge_comfort(world: WorldRows, rows: IntArray, before: Before) -> None:
+def _judge_comfort(world: WorldRows, rows: IntArray, at: slice | IntArray, before: Before) -> None:
     """Bring jerk and lateral acceleration up to date."""
-    accel = world.accel[rows]
-    known = np.minimum(rows, len(before.uid) - 1)
-    is_known = (rows < len(before.uid)) & (before.uid[known] == world.uid[rows])  # the others have just come
+    accel, lateral = world.accel[at], world.lateral_accel[at]
+    num = len(before.uid)
+    known = at if num > rows[-1] else np.minimum(rows, num - 1)
+    is_known = before.uid[known] == world.uid[at]  # the others have just come
+    if known is not at:
+        is_known &= rows < num
     jerk = np.where(is_known, (accel - before.accel[known]) / DT, 0.0)
-    world.jerk[rows] = jerk
-    for column, name, total in (
-        (jerk, "max_jerk", "jerk_square_sum"),
-        (world.lateral_accel[rows], "max_lateral_accel", "lateral_accel_square_sum"),
-    ):
-        most, squares = getattr(world, name), getattr(world, total)
-        most[rows] = np.fmax(most[rows], np.abs(column))
-        squares[rows] += column * column
+    world.jerk[at] = jerk
+    world.max_jerk[at] = np.fmax(world.max_jerk[at], np.abs(jerk))
+    world.jerk_square_sum[at] += jerk * jerk
+    world.max_lateral_accel[at] = np.fmax(world.max_lateral_accel[at], np.abs(lateral))
+    world.lateral_accel_square_sum[at] += lateral * lateral
 
 
-def _judge_lanes(world: WorldRows, rows: IntArray, middle: ComplexArray, heading: ComplexArray) -> None:
+def _judge_lanes(
+    world: WorldRows, rows: IntArray, at: slice | IntArray, middle: ComplexArray, heading: ComplexArray
+) -> None:
     """Bring off-road time, lane invasions and the distance to the lane's middle up to date.
 
     Args:
         world: written.
         rows: (k,) int64, the egos.
+        at: the same, as `run_of` returns them.
         middle: (k,) of their boxes, east + i north [m].
         heading: (k,) unit vectors.
     """
     roads = world.roads.alone
     x, y = middle.real.copy(), middle.imag.copy()
-    z = world.z[rows]
-    places = world.roads.nearest(x, y, world.yaw[rows], z)
+    z = world.z[at]
+    places = world.roads.nearest(x, y, world.yaw[at], z)
     to_left, to_right = roads.beside(places)
     is_on = (to_left >= 0.0) & (to_right >= 0.0) & (places.distance - np.abs(places.lateral) < BESIDE)
-    doubtful = (~is_on).nonzero()[0]
-    if len(doubtful):
+    if np.count_nonzero(is_on) < len(is_on):
+        doubtful = (~is_on).nonzero()[0]
         is_on[doubtful] = are_on_road(world.roads, x[doubtful], y[doubtful], z[doubtful])
-    world.is_off_road[rows] = ~is_on
-    world.off_road_frames[rows] += ~is_on
-    world.road_frames[rows] += is_on
+    is_off = ~is_on
+    world.is_off_road[at] = is_off
+    world.off_road_frames[at] += is_off
+    world.road_frames[at] += is_on
 
     # Edges
     turned = heading * np.exp(-1j * places.yaw)
-    across = np.abs(turned.imag) * world.half_length[rows] + np.abs(turned.real) * world.half_width[rows]
-    was_left, was_right = world.is_over_left[rows], world.is_over_right[rows]
-    former, offset = world.near_lane[rows] - 1, places.lateral
+    across = np.abs(turned.imag) * world.half_length[at] + np.abs(turned.real) * world.half_width[at]
+    was_left, was_right = world.is_over_left[at], world.is_over_right[at]
+    former, offset = world.near_lane[at] - 1, places.lateral
     is_other = former != places.lane
-    if is_other.any():
-        moved = np.where(is_other, offset - world.lane_offset[rows], 0.0)
+    if np.count_nonzero(is_other):
+        moved = np.where(is_other, offset - world.lane_offset[at], 0.0)
         # The right edge of the lane to the left is the left edge of the former one.
         to_the_left, to_the_right = moved < -SIDEWAYS, moved > SIDEWAYS
         was_left, was_right = (
             (was_left & ~to_the_left & ~to_the_right) | (was_right & to_the_right),
             (was_right & ~to_the_left & ~to_the_right) | (was_left & to_the_left),
         )
-        world.near_lane[rows] = places.lane + 1
+        world.near_lane[at] = places.lane + 1
     over_left, over_right = across - to_left, across - to_right
     is_left = (over_left > 0.0) | (was_left & (over_left > -BACK_INSIDE))
     is_right = (over_right > 0.0) | (was_right & (over_right > -BACK_INSIDE))
     comes_left, comes_right = is_left & ~was_left, is_right & ~was_right
-    if comes_left.any() or comes_right.any():  # rare
+    if np.count_nonzero(comes_left | comes_right):  # rare
         comes_left &= roads.left[places.lane] < 0
         comes_right &= roads.right[places.lane] < 0
         counts = roads.derived(_Edges).are_at(world, places) & (former >= 0)
         world.num_lane_invasions[rows] += (comes_left & counts).astype(np.int64) + (comes_right & counts)
-    world.is_over_left[rows], world.is_over_right[rows] = is_left, is_right
+    world.is_over_left[at], world.is_over_right[at] = is_left, is_right
 
     offset = np.where(is_on, offset, 0.0)
-    world.lane_offset[rows] = offset
-    world.lane_offset_sum[rows] += np.abs(offset)
-    world.max_lane_offset[rows] = np.fmax(world.max_lane_offset[rows], np.abs(offset))
+    world.lane_offset[at] = offset
+    amount = np.abs(offset)
+    world.lane_offset_sum[at] += amount
+    world.max_lane_offset[at] = np.fmax(world.max_lane_offset[at], amount)
 
 
 class _Edges:

@@ -18,7 +18,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, in_columns
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.world.state.world_rows import WorldRows
@@ -62,7 +62,8 @@ def find_times_to_collision(world: WorldRows, rows: IntArray) -> FloatArray:
         (k,) 0 while they touch, inf for none within `HORIZON` [s].
     """
     times = np.full(len(rows), np.inf)
-    i, pairs, motion = _near_in_many_worlds(world, rows) if world.world_of_row is not None else _near(world, rows)
+    is_one = world.world_of_row is None or world.num_worlds == 1
+    i, pairs, motion = _near(world, rows) if is_one else _near_in_many_worlds(world, rows)
     at = _do_meet(world, pairs, motion).nonzero()[0] if len(i) else i
     if not len(at):
         return times
@@ -71,7 +72,7 @@ def find_times_to_collision(world: WorldRows, rows: IntArray) -> FloatArray:
         middle[1] - middle[0],
         velocity[1] - velocity[0],
         heading,
-        np.stack([world.half_length[pairs], world.half_width[pairs]], axis=-1),
+        in_columns(world.half_length[pairs], world.half_width[pairs]),
     )
     if not world.roads.is_flat:
         time = np.where(_are_level(world, pairs, middle, velocity, time), time, np.inf)
@@ -277,4 +278,4 @@ def _first_touch(apart: ComplexArray, towards: ComplexArray, heading: ComplexArr
 
 def _parts(vectors: ComplexArray) -> FloatArray:
     """Return complex vectors (...) as real ones (..., 2)."""
-    return np.stack([vectors.real, vectors.imag], axis=-1)
+    return vectors.view(np.float64).reshape(*vectors.shape, 2)

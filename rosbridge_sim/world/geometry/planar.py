@@ -50,15 +50,21 @@ class Nearest(NamedTuple):
 
 
 def in_columns(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return two arrays (n,) as one (n, 2), in a tenth of the time of `np.stack`, which counts for a few rows."""
-    both = np.empty((len(first), 2))
-    both[:, 0], both[:, 1] = first, second
+    """Return two arrays (...) as one (..., 2), in a tenth of the time of `np.stack`, which counts for a few rows."""
+    both = np.empty((*first.shape, 2))
+    both[..., 0], both[..., 1] = first, second
     return both
 
 
 def of_rows(columns: _Columns, rows: slice | IntArray) -> _Columns:
     """Return columns (c, n) of some rows, (c, k): a view if these are neighbours; `columns[:, rows]` takes longer."""
     return columns[:, rows] if isinstance(rows, slice) else columns.take(rows, axis=1)
+
+
+def run_of(rows: IntArray) -> slice | IntArray:
+    """Return rows, (k,) and rising, as a slice if they are neighbours: a view takes a third of the time of a copy."""
+    first, last = rows.item(0), rows.item(-1)
+    return slice(first, last + 1) if last - first + 1 == len(rows) else rows
 
 
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:

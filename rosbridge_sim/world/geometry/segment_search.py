@@ -19,6 +19,9 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 Near = tuple[IntArray, IntArray, tuple[FloatArray, FloatArray, FloatArray]]
 """See `SegmentSearch.within`."""
 
+Placed = tuple[IntArray, FloatArray, FloatArray, FloatArray]
+"""See `SegmentSearch.place`."""
+
 BLOCK_SEGMENTS: Final = 32
 """Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
 
@@ -148,6 +151,11 @@ class SegmentSearch:
                 None if height is None else height[part],
             )
         return best
+
+    def place(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> Placed:
+        """Return the nearest segment for each place, (n,) int64, and what `LaneSegments.project` returns for it."""
+        segment = self.nearest(place, heading, height)
+        return segment, *self._segments.project(place, segment)
 
     def within(self, place: FloatArray, radius: FloatArray) -> Near:
         """Return the nearest segment of each lane that is near each place; see `Roads.within`.

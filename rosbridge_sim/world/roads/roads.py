@@ -335,8 +335,7 @@ class Roads:
         height = None
         if z is not None and not self.is_flat:
             height = np.broadcast_to(np.asarray(z, dtype=np.float64), (n,))
-        segment = self._search.nearest(place, heading, height)
-        return self._places(segment, *self.segments.project(place, segment))
+        return self._places(*self._search.place(place, heading, height))
 
     def find_segments(self, place: FloatArray, height: FloatArray) -> IntArray:
         """Return the nearest segment for each place, (n,) int64, rows of `segments`.

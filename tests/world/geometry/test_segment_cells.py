@@ -98,3 +98,21 @@ def test_places_on_the_edges_of_cells_and_sectors_are_found() -> None:
     yaw = np.arange(300) % segment_cells.SECTORS * (2.0 * np.pi / segment_cells.SECTORS) - np.pi
     heading = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
     assert np.array_equal(cells.nearest(place, heading), plain.nearest(place, heading))
+
+
+@pytest.mark.parametrize("name", ["town", "hills"])
+def test_places_one_by_one_are_those_of_a_search_for_all(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(segment_cells, "MAX_COLUMNS", 20)
+    roads = LIBRARY.map(name).roads
+    plain, cells = searches_of(roads)
+    place, heading, height = places_near(roads, 60, 5)
+    place[::4] = np.round(place[::4] / segment_cells.CELL) * segment_cells.CELL
+    yaw = np.arange(20) % segment_cells.SECTORS * (2.0 * np.pi / segment_cells.SECTORS) - np.pi
+    heading[::3] = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    place[-1] = 1e9
+    for each in (None, height):
+        expected = plain.place(place, heading, each)
+        for i in range(len(place)):
+            found = cells.place(place[[i]], heading[[i]], None if each is None else each[[i]])
+            assert all(np.array_equal(one, of_all[[i]]) for one, of_all in zip(found, expected, strict=True))
+            assert len(cells._of_cell) <= 20
