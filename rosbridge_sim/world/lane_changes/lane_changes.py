@@ -89,6 +89,8 @@ class LaneChanges:
             return None
         world, rows = self.world, self.rows
         leaving = world.leaving[rows]
+        if not np.count_nonzero(leaving):
+            return None
         is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > self._off_old_lane
         which = ((leaving > 0) & is_near).nonzero()[0]
         if not len(which):
@@ -144,18 +146,21 @@ class LaneChanges:
         assert perception.queue is not None
         world, rows = self.world, self.rows
         accel = accel.copy()
-        self._end_changes()
+        leaving = world.leaving[rows]
+        if np.count_nonzero(leaving):
+            self._end_changes()
+            leaving = world.leaving[rows]
         if drivers.leaving is not None:
             self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
         self._leave_room(drivers, perception, desired_speed, accel)
-        is_free = self._may & (world.leaving[rows] == 0)
         is_part = decision % LOOK_EVERY == 0
-        is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
-        looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
         # `LOOK_EVERY`-th.
-        looks |= world.change[rows] >= np.where(is_part, LaneChange.FASTER, LaneChange.ROUTE)
-        which = (is_free & looks).nonzero()[0]
+        looks = world.change[rows] >= np.where(is_part, LaneChange.FASTER, LaneChange.ROUTE)
+        if np.count_nonzero(is_part):
+            is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
+            looks |= is_turn & self.neighbours.has_side[drivers.lanes[0]]
+        which = (looks & self._may & (leaving == 0)).nonzero()[0]
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
             begins = look.decide(accel, decision if isinstance(decision, int) else decision[which])
@@ -225,8 +230,9 @@ class LaneChanges:
         self, drivers: Drivers, perception: Perception, desired_speed: FloatArray, accel: FloatArray
     ) -> None:
         """Keep more room than in a queue behind what is slow and follows no lane: it may stay where it stands."""
-        is_slow = (perception.lead_speed < SLOW) & (drivers.speed < SLOW) & (perception.gap < BLOCKED_WAY)
-        which = (is_slow & (perception.lead < 0) & self.neighbours.has_side[drivers.lanes[0]] & self._may).nonzero()[0]
+        is_slow = (perception.gap < BLOCKED_WAY) & (perception.lead_speed < SLOW) & (drivers.speed < SLOW)
+        at = (is_slow & (perception.lead < 0)).nonzero()[0]
+        which = at[self.neighbours.has_side[drivers.lanes[0, at]] & self._may[at]] if len(at) else at
         if not len(which):
             return
         gap = perception.gap[which] - SPARE_ROOM
