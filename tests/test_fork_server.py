@@ -54,27 +54,20 @@ def test_killed_program_has_the_number_of_its_signal(tmp_path: Path) -> None:
         assert other.wait(PATIENCE) == 0
 
 
-def test_programs_end_with_the_tests_that_started_them(tmp_path: Path) -> None:
-    with (tmp_path / "log").open("wb") as stderr:
-        server = fork_server.ForkServer()
-        program = server.start(
-            ["-m", "rosbridge_sim", "serve", "--port", "0", "--no-world"], env=os.environ, stderr=stderr.fileno()
-        )
-    assert program.stdout is not None
-    with program.stdout:
-        assert read_line(program)
-        server.close()
-        assert program.stdout.read() == ""  # its end closes the pipe
-
-
-def test_server_forked_of_another_ends_alone(tmp_path: Path) -> None:
+def test_server_forked_of_another_ends_alone_and_with_it_what_it_started(tmp_path: Path) -> None:
     with (tmp_path / "log").open("wb") as stderr:
         origin = fork_server.ForkServer()
         own = fork_server.ForkServer(origin)
-        for server in (own, origin):
-            with server.start(["-c", "print('here')"], env=os.environ, stderr=stderr.fileno()) as program:
-                assert read_line(program) == "here\n"
-            server.close()
+        serve = ["-m", "rosbridge_sim", "serve", "--port", "0", "--no-world"]
+        program = own.start(serve, env=os.environ, stderr=stderr.fileno())
+        assert program.stdout is not None
+        with program.stdout:
+            assert read_line(program)
+            own.close()
+            assert program.stdout.read() == ""  # its end closes the pipe
+        with origin.start(["-c", "print('here')"], env=os.environ, stderr=stderr.fileno()) as other:
+            assert read_line(other) == "here\n"
+        origin.close()
 
 
 def test_program_keeps_no_descriptor_of_another(tmp_path: Path) -> None:

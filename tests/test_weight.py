@@ -76,7 +76,7 @@ def test_error_beyond_the_limit_names_the_limit() -> None:
 @pytest.mark.parametrize(
     "number", ["1e308", "-1E+308", "2.5e-310", "1e0308", "0." + "0" * 307 + "5", "9" * 400, "1" + "0" * 90 + "e199"]
 )
-@pytest.mark.parametrize("size", [251, 2**18])
+@pytest.mark.parametrize("size", [pytest.param(251, marks=pytest.mark.long), 2_003, 2**18])
 def test_numbers_at_the_edge_of_float64_are_heavy(number: str, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(weight_module, "_SLICE", size)
     text = ("[" + ",".join([number] * 2_100) + "]").encode()

@@ -58,7 +58,7 @@ def test_depth_is_that_of_a_plane_to_a_tenth_of_a_per_mille() -> None:
     down = rays[:, 0] * math.sin(pose.pitch) - rays[:, 2] * math.cos(pose.pitch)
     expected = np.where(down > 0, 2.0 / np.where(down > 0, down, 1.0), np.inf).reshape(480, 640)
     is_near = expected < 100.0
-    assert picture.depth[is_near] == pytest.approx(expected[is_near], rel=1e-4)
+    np.testing.assert_allclose(picture.depth[is_near], expected[is_near], rtol=1e-4)
     assert (picture.label[is_near] == Label.ASPHALT).all()
     assert np.isinf(picture.depth[:100]).all()
     assert not picture.label[:100].any()
@@ -203,7 +203,7 @@ def test_fisheye_has_the_same_depths_on_all_sides_and_beyond_its_seams() -> None
     assert (picture.label[~is_seen] == 0).all()
     is_road = is_seen & (down < -0.1)
     assert is_road.sum() > 20_000
-    assert picture.depth[is_road] == pytest.approx(-1.5 / down[is_road], rel=0.05)
+    np.testing.assert_allclose(picture.depth[is_road], -1.5 / down[is_road], rtol=0.05)
     assert np.isinf(picture.depth[is_seen & (down > 0.02)]).all()
 
 
@@ -301,7 +301,7 @@ def test_paint_asphalt_ground_and_sky_of_town_have_the_colours_that_masks_expect
     roads = road_map.roads
     seen: dict[Label, list[np.ndarray]] = {label: [] for label in Label}
     sky: list[np.ndarray] = []
-    for lane in np.argsort(-roads.length)[:40:5].tolist():
+    for lane in np.argsort(-roads.length)[:40:10].tolist():
         (point,), (yaw,) = roads.at([lane], [0.4 * roads.length[lane]])
         pose = mount(Pose(point[0], point[1], point[2], yaw=float(yaw)), EDU)
         picture = open_renderer().render(static, nothing(), CAMERA, pose)
