@@ -1,4 +1,4 @@
-"""Georeference of maps: plane coordinates -> latitude and longitude, by the map's own projection.
+"""Georeference of maps: plane coordinates <-> latitude and longitude, by the map's own projection.
 
 pyproj does the projection. It is imported when the first position is needed, because that takes a tenth of a second,
 and it is set up for each map. After that a position takes a microsecond.
@@ -43,6 +43,23 @@ class Georeference:
             the projection, which is logged once for a map; or if pyproj cannot be read from the disk now, for example
             because the process has no file descriptors left. Then the next call tries again.
         """
+        transformer = self._transformer_of(road_map)
+        if transformer is None:
+            return None
+        east, north, _ = road_map.origin
+        longitude, latitude = transformer.transform(east + x, north + y)
+        return (latitude, longitude) if math.isfinite(latitude) and math.isfinite(longitude) else None
+
+    def find_place(self, road_map: RoadMap, latitude: float, longitude: float) -> tuple[float, float] | None:
+        """Return x and y of a place in the map frame [m], by its latitude and longitude [deg]; None as for `locate`."""
+        transformer = self._transformer_of(road_map)
+        if transformer is None:
+            return None
+        east, north, _ = road_map.origin
+        x, y = transformer.transform(longitude, latitude, direction="INVERSE")
+        return (x - east, y - north) if math.isfinite(x) and math.isfinite(y) else None
+
+    def _transformer_of(self, road_map: RoadMap) -> Transformer | None:
         if road_map is not self._map:
             try:
                 self._map, self._transformer = road_map, _find_transformer(road_map)
@@ -54,11 +71,7 @@ class Georeference:
                     self._has_warned = True
                     _log.warning("no GPS fix for now, because pyproj cannot be read: %s", error)
                 return None
-        if self._transformer is None:
-            return None
-        east, north, _ = road_map.origin
-        longitude, latitude = self._transformer.transform(east + x, north + y)
-        return (latitude, longitude) if math.isfinite(latitude) and math.isfinite(longitude) else None
+        return self._transformer
 
 
 def import_projection() -> None:

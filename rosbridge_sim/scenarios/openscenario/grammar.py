@@ -204,8 +204,9 @@ InRoutePosition: (FromCurrentEntity|FromRoadCoordinates|FromLaneCoordinates)
 FromCurrentEntity: entityRef:entity
 FromRoadCoordinates: pathS:number t:number
 FromLaneCoordinates: pathS:number laneId:text laneOffset?:number
-!GeoPosition
-!TrajectoryPosition
+GeoPosition: latitude?:number longitude?:number height?:number latitudeDeg?:number longitudeDeg?:number
+    altitude?:number verticalRoadSelection?:text Orientation?
+TrajectoryPosition: s:number t?:number TrajectoryRef Orientation?
 ByEntityCondition: TriggeringEntities EntityCondition
 TriggeringEntities: triggeringEntitiesRule=any|all EntityRef*
 EntityCondition: (EndOfRoadCondition|CollisionCondition|OffroadCondition|TimeHeadwayCondition|TimeToCollisionCondition

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import pairwise
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.georeference import Georeference
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.maps.road_positions import RoadPositions
 from rosbridge_sim.printable import printable
@@ -71,17 +74,23 @@ Entity = Callable[[str], tuple[MapPlace, OnLane]]
 """Returns place and lane of an entity by its name; DocumentError where it is not in the world."""
 
 
+OnGlobe = Callable[[float, float], tuple[float, float] | None]
+"""Returns x and y of a place [m] by its latitude and longitude [deg]; None where the projection has no such place."""
+
+
 class StoryMap:
     """A map as stories use it."""
 
-    def __init__(self, roads: Roads, index: RoadPositions | None = None) -> None:
+    def __init__(self, roads: Roads, index: RoadPositions | None = None, on_globe: OnGlobe | None = None) -> None:
         self.roads = roads
         self.index = index
+        self.on_globe = on_globe
 
     @classmethod
     def of(cls, road_map: RoadMap) -> StoryMap:
         """Return a map as stories use it."""
-        return cls(road_map.roads, road_map.positions)
+        on_globe = partial(Georeference().find_place, road_map) if road_map.projection.is_known else None
+        return cls(road_map.roads, road_map.positions, on_globe)
 
     def find_place(self, item: StoryItem, entity: Entity) -> MapPlace:
         """Return the place that a position means.
@@ -255,6 +264,33 @@ def _world(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
     return place
 
 
+def _geo(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
+    if story_map.on_globe is None:
+        raise DocumentError("the map has no projection; use WorldPosition")
+    angles = [item.get(f"{name}Deg", math.degrees(item.get(name, math.nan))) for name in ("latitude", "longitude")]
+    found = None if any(map(math.isnan, angles)) else story_map.on_globe(*angles)
+    if found is None:
+        raise DocumentError("expected latitudeDeg and longitudeDeg, or both in radians, within the map's projection")
+    on = story_map.project(MapPlace(*found, 0.0, 0.0))
+    there = story_map.at(on) if on.lane >= 0 else MapPlace(0.0, 0.0, 0.0, 0.0)
+    return MapPlace(*found, there.z, 0.0)
+
+
+def _trajectory(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
+    shape = item.part("TrajectoryRef").part("Trajectory").part("Shape").part("Polyline")
+    places = [story_map.find_place(each.part("Position"), entity) for each in shape.all("Vertex")]
+    left = item["s"]
+    for here, there in pairwise(places):
+        length = math.dist((here.x, here.y), (there.x, there.y))
+        if 0.0 <= left <= length > 0.0:
+            share, yaw, aside = left / length, math.atan2(there.y - here.y, there.x - here.x), item.get("t", 0.0)
+            x, y = here.x + share * (there.x - here.x), here.y + share * (there.y - here.y)
+            z = here.z + share * (there.z - here.z)
+            return MapPlace(x - aside * math.sin(yaw), y + aside * math.cos(yaw), z, yaw)
+        left -= length
+    raise DocumentError(f"s: expected 0..{item['s'] - left:.2f} m, the length of the trajectory, got {item['s']:g}")
+
+
 def _relative_world(_: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
     place, _on = entity(item["entityRef"])
     return MapPlace(place.x + item["dx"], place.y + item["dy"], place.z + item.get("dz", 0.0), place.yaw)
@@ -383,5 +419,7 @@ _FINDERS: Final[dict[str, Callable[[StoryMap, StoryItem, Entity], MapPlace]]] = 
     "RelativeLanePosition": _relative_lane,
     "RelativeRoadPosition": _relative_road,
     "RoutePosition": _route,
+    "GeoPosition": _geo,
+    "TrajectoryPosition": _trajectory,
 }
 """Kinds of positions that are read, with what they mean."""

@@ -7,6 +7,7 @@ has of a story.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
@@ -280,9 +281,9 @@ def check_story(story: Story) -> None:
     phases = {name: [phase["name"] for phase in item.parts] for name, item in story.controllers.items()}
     check_controllers(story.controllers, mistakes)
     num_events = num_looks = 0
-    for item in each_item(story.storyboard):
+    for item in chain(each_item(story.storyboard), () if story.evaluation is None else each_item(story.evaluation)):
         num_events += item.kind == "Event"
-        num_looks += len(item.parts) if item.kind == "TriggeringEntities" else item.kind == "ByValueCondition"
+        num_looks += _count_looks(item)
         known: Mapping[str, str] | set[str]
         if item.kind == "StoryboardElementStateCondition":
             known, key = names[item["storyboardElementType"]], "storyboardElementRef"
@@ -308,8 +309,16 @@ def check_story(story: Story) -> None:
         mistakes.append(f"{source}: expected at most {MAX_EVENTS:,} events, got {num_events:,}")
     if num_looks > MAX_LOOKS:
         mistakes.append(
-            f"{source}: expected at most {MAX_LOOKS:,} conditions of entities and values, got {num_looks:,}"
+            f"{source}: expected at most {MAX_LOOKS:,} conditions of entities and values, and vertices of positions"
+            f" in them, got {num_looks:,}"
         )
+
+
+def _count_looks(item: StoryItem) -> int:
+    """Return how many looks of a frame an item costs: a position on a trajectory finds all its vertices each time."""
+    if item.kind == "TrajectoryPosition":
+        return sum(each.kind == "Vertex" for each in each_item(item))
+    return len(item.parts) if item.kind == "TriggeringEntities" else int(item.kind == "ByValueCondition")
 
 
 ELEMENT_TYPES: Final = {

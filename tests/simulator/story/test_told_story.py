@@ -9,6 +9,10 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.road_map import Projection
+from rosbridge_sim.records import replace
+from rosbridge_sim.scenarios.openscenario.entities import place_entities
+from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.storyboard import StoryVerdict
 from rosbridge_sim.simulator.story.motions import shape_at
 from rosbridge_sim.world.state.placement import place_ghost
@@ -22,6 +26,7 @@ from tests.simulator.story.story_texts import (
     event,
     group,
     lane_change,
+    lanes,
     lateral,
     link,
     longitudinal,
@@ -59,6 +64,63 @@ def test_relative_positions_follow_the_lane_of_their_entity() -> None:
     telling = Telling(story({**EGO, "Car": teleport(relative), "Other": teleport(ahead)}))
     assert (telling.x("Car"), telling.y("Car")) == pytest.approx((45.0, 4.0))
     assert (telling.x("Other"), telling.y("Other")) == pytest.approx((30.0, -2.0))
+
+
+def trajectory_position(s: float, t: float = 0.0) -> str:
+    corners = "".join(f"<Vertex time='0'>{at(x, y)}</Vertex>" for x, y in ((50, 0), (50, 10), (80, 10)))
+    shape = f"<Shape><Polyline>{corners}</Polyline></Shape>"
+    trajectory = f'<TrajectoryRef><Trajectory name="t" closed="false">{shape}</Trajectory></TrajectoryRef>'
+    return f'<Position><TrajectoryPosition s="{s}" t="{t}">{trajectory}</TrajectoryPosition></Position>'
+
+
+def test_a_position_on_a_trajectory_is_along_and_beside_its_line() -> None:
+    places = {"Car": (4.0, 1.0), "Other": (25.0, -2.0), "Last": (40.0, 0.0)}
+    telling = Telling(story({**EGO, **{name: teleport(trajectory_position(*at)) for name, at in places.items()}}))
+    found = [(telling.x(name), telling.y(name)) for name in places]
+    assert found == [pytest.approx(each) for each in ((49.0, 4.0), (65.0, 8.0), (80.0, 10.0))]
+    with pytest.raises(DocumentError, match=r"TrajectoryPosition: s: expected 0..40.00 m.*, got 41"):
+        Telling(story({**EGO, "Car": teleport(trajectory_position(41.0))}))
+
+
+def test_trajectories_of_positions_are_bounded_because_each_look_finds_all_vertices() -> None:
+    many = trajectory_position(1.0)
+    many = many.replace("</Polyline>", f"<Vertex time='0'>{at(1, 1)}</Vertex>" * 1000 + "</Polyline>")
+    with pytest.raises(DocumentError, match="expected at most 1,000 conditions"):
+        scenario_of(story({**EGO, "Car": teleport(many)}))
+
+
+def test_names_in_an_evaluation_are_checked() -> None:
+    unknown = by_value('<VariableCondition variableRef="m" value="1" rule="equalTo"/>')
+    end = f"<Evaluation><SuccessConditionGroup>{unknown}</SuccessConditionGroup></Evaluation>"
+    with pytest.raises(DocumentError, match="there is no 'm'"):
+        scenario_of(story(EGO, end=end))
+
+
+GLOBE = Projection(is_tm=True, central_latitude=37.5, central_meridian=127.0)
+
+
+@pytest.mark.parametrize(
+    "angles",
+    [
+        'latitudeDeg="37.501" longitudeDeg="127.002"',
+        f'latitude="{math.radians(37.501)}" longitude="{math.radians(127.002)}"',
+    ],
+)
+def test_a_position_on_the_globe_goes_through_the_projection_of_the_map(angles: str) -> None:
+    story_map = StoryMap.of(replace(lanes(), projection=GLOBE, origin=(100.0, 50.0, 0.0)))
+    scenario = scenario_of(story({"Ego": teleport(f"<Position><GeoPosition {angles}/></Position>")}))
+    ego = place_entities(scenario, story_map).egos[0]
+    # An arc of 0.001 and of 0.002 degrees on WGS 84 at 37.5 degrees north.
+    assert (ego.x + 100.0, ego.y + 50.0) == pytest.approx((176.8, 111.0), abs=0.3)
+
+
+@pytest.mark.parametrize("angles", ['latitudeDeg="37.5"', ""])
+def test_a_position_on_the_globe_needs_a_projection_and_both_angles(angles: str) -> None:
+    scenario = scenario_of(story({"Ego": teleport(f"<Position><GeoPosition {angles}/></Position>")}))
+    with pytest.raises(DocumentError, match="the map has no projection; use WorldPosition"):
+        place_entities(scenario, StoryMap.of(lanes()))
+    with pytest.raises(DocumentError, match="expected latitudeDeg and longitudeDeg"):
+        place_entities(scenario, StoryMap.of(replace(lanes(), projection=GLOBE)))
 
 
 def test_a_place_that_the_map_lacks_is_refused_with_its_line() -> None:
