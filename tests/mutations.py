@@ -21,7 +21,7 @@ from rosbridge_sim.loose_types import JsonValue
 __all__ = ["ODD", "Edit", "Flip", "damage", "edits", "examples", "flips", "spoil"]
 
 FACTOR = int(os.environ.get("FUZZ_FACTOR", "0"))
-"""How many times as many examples as tests say; 0: as many with `--long`, and a quarter of them otherwise."""
+"""How many times as many examples as tests say; 0: as many with `--long`, and an eighth of them otherwise."""
 
 ODD: tuple[Any, ...] = (
     *(None, True, False, 0, 1, -1, 2**31, 2**32 - 1, 2**63, 2**64, -(2**63) - 1, 10**30, 0.5, -0.0, 1e-320),
@@ -33,9 +33,9 @@ ODD: tuple[Any, ...] = (
 
 
 def examples(num: int) -> settings:
-    """Settings of a test that tries so many documents with `--long`, a multiple of that, or a quarter of it."""
+    """Settings of a test that tries so many documents with `--long`, a multiple of that, or an eighth of it."""
     is_quick = not FACTOR and settings.get_current_profile_name() != "long"
-    tried = max(num // 4, 5) if is_quick else num * max(FACTOR, 1)
+    tried = max(num // 8, 5) if is_quick else num * max(FACTOR, 1)
     return settings(max_examples=tried, deadline=None, suppress_health_check=list(HealthCheck))
 
 

@@ -201,7 +201,7 @@ def test_table_replaces_the_one_that_is_there(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["town", "motorway"])
 def test_short_soak_of_traffic_has_no_fault(name: str) -> None:
-    outcome = traffic.run_cell(traffic_cells.Cell(name, 40, 1), minutes=0.5)
+    outcome = traffic.run_cell(traffic_cells.Cell(name, 40, 1), minutes=0.3)
     assert outcome.num == 40
     assert outcome.speed > 5.0
     assert (outcome.overlaps, outcome.red_lights, outcome.stranded) == (0, 0, 0)

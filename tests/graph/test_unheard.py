@@ -9,11 +9,12 @@ from types import FrameType
 
 import pytest
 
+from rosbridge_sim.graph import unheard
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.peers.peer_topics import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.unheard import MAX_TOLD_PUBLISHERS, MAX_WATCHED_PUBLISHERS, UNHEARD_AFTER
+from rosbridge_sim.graph.unheard import MAX_TOLD_PUBLISHERS, UNHEARD_AFTER
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from tests.graph.bus_fixture import make_bus, make_peer
@@ -121,10 +122,12 @@ def test_hint_does_not_name_denied_topics() -> None:
     assert told(outbox) == []
 
 
-def test_hints_for_many_publishers_are_spread_and_bounded() -> None:
+def test_hints_for_many_publishers_are_spread_and_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    num_watched = 3 * MAX_OF_CLIENT  # in place of MAX_WATCHED_PUBLISHERS: enough for more than one client
+    monkeypatch.setattr(unheard, "MAX_WATCHED_PUBLISHERS", num_watched)
     names = [f"/topic_{chr(97 + i // 26)}{chr(97 + i % 26)}_long" for i in range(MAX_OF_CLIENT + 10)]
     bus = listened(*names)
-    clients = [talker(bus) for _ in range(MAX_WATCHED_PUBLISHERS // len(names) + 2)]
+    clients = [talker(bus) for _ in range(num_watched // len(names) + 2)]
     for peer, _ in clients:
         for name in names:
             publish(peer, f"{name}X")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from typing import Any
 
 import pytest
@@ -73,6 +74,12 @@ def hashes(*topics: str, service: str = "", **options: Any) -> list[str]:  # noq
     return found
 
 
+@cache
+def undisturbed(dynamics: Dynamics) -> list[str]:
+    """The hashes of the drive of which nobody asks anything."""
+    return hashes(dynamics=dynamics)
+
+
 def topics(release: str) -> list[str]:
     """The topics that the simulator publishes, those of the second ego among them."""
     harness = make(release=release)
@@ -100,4 +107,4 @@ def test_all_subscriptions_together_change_no_state_hash() -> None:
 @pytest.mark.parametrize("service", QUESTIONS)
 @pytest.mark.parametrize("dynamics", [Dynamics.KINEMATIC, Dynamics.SINGLE_TRACK], ids=lambda one: one.name)
 def test_no_question_changes_a_state_hash(service: str, dynamics: Dynamics) -> None:
-    assert hashes(service=service, dynamics=dynamics) == hashes(dynamics=dynamics)
+    assert hashes(service=service, dynamics=dynamics) == undisturbed(dynamics)

@@ -155,7 +155,7 @@ MEASURED = {f"/small{i}": (FRAME_TIME, 100 + 100 * i) for i in range(12)} | {
 @pytest.mark.parametrize("speed", [0.5, 1.0])
 def test_small_topics_keep_their_rate_beside_clouds_at_half_a_core(speed: float) -> None:
     bridge = CheckingBridge(speed, has_bulk=True)
-    seconds = 20.0
+    seconds = 12.0
     bridge.run(MEASURED, seconds)
     for topic, ages in bridge.ages.items():
         if topic.startswith("/small"):

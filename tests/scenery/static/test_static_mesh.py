@@ -59,7 +59,7 @@ def test_everything_beside_the_roads_leaves_them_free(name: str) -> None:
 
 @pytest.mark.slow
 def test_dressing_follows_from_name_and_seed() -> None:
-    name = "track"
+    name = "parking"
     road_map = map_of(name)
     one = dressed(name)
     assert one.digest == static_mesh(read_map_at(DATA / "maps" / name), name, 0).digest
@@ -96,7 +96,7 @@ def test_ground_of_hills_is_below_its_roads() -> None:
 
 @pytest.mark.slow
 def test_strips_are_cut_into_pieces_of_ten_metres() -> None:
-    corners = places_of(bare(map_of("loop")), Label.ASPHALT, *PAINT)
+    corners = places_of(bare(map_of("track")), Label.ASPHALT, *PAINT)
     sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
     assert sides.max() < 12.0
 

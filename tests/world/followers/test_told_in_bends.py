@@ -24,7 +24,7 @@ from tests.world.road_factory import CAR, MAPS, built_in
 
 NAMES: Final = ("track", "town", "loop", "hills", "motorway", "roundabout", "parking")
 THINNED: Final = ("track", "loop", "hills", "motorway", "roundabout")
-FRAMES: Final = 150
+FRAMES: Final = 110
 
 
 class Told(NamedTuple):

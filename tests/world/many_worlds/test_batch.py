@@ -143,7 +143,7 @@ def test_many_worlds_of_a_batch_equal_the_same_worlds_alone(scenario: str, optio
 @pytest.mark.slow
 @pytest.mark.parametrize("num", [1, 7])
 def test_number_of_worlds_changes_no_bit(num: int) -> None:
-    compare("roundabout", num=num, rounds=6, traffic=6)
+    compare("roundabout", num=num, rounds=4, traffic=6)
 
 
 @pytest.mark.slow

@@ -321,9 +321,9 @@ def test_adding_and_removing_keeps_memory_constant() -> None:
 
     tracemalloc.start()
     try:
-        cycle(50)
+        cycle(40)
         before = tracemalloc.get_traced_memory()[0]
-        cycle(150)
+        cycle(80)
         grown = tracemalloc.get_traced_memory()[0] - before
     finally:
         tracemalloc.stop()
