@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.georeference import Georeference
@@ -33,6 +33,9 @@ TOUCHES: Final = 1e-6
 
 MAX_MOVED: Final = 10_000
 """Most lanes that a place is moved over; there it ends, as at the end of a road."""
+
+MAX_KEPT: Final = 2_000
+"""Most answers of one kind that are kept."""
 
 SAME: Final = 0.5
 """A place this near to the line of a lane is in the middle of the lane [m]."""
@@ -79,12 +82,17 @@ OnGlobe = Callable[[float, float], tuple[float, float] | None]
 
 
 class StoryMap:
-    """A map as stories use it."""
+    """A map as stories use it. What is asked again has its last answers kept: hundreds of conditions ask the same."""
 
     def __init__(self, roads: Roads, index: RoadPositions | None = None, on_globe: OnGlobe | None = None) -> None:
         self.roads = roads
         self.index = index
         self.on_globe = on_globe
+        self._fixed = lru_cache(MAX_KEPT)(self._find)
+        self.project = lru_cache(MAX_KEPT)(self._project)
+        self.at = lru_cache(MAX_KEPT)(self._at)
+        self.beside = lru_cache(MAX_KEPT)(self._beside)
+        self.lane_beside = lru_cache(MAX_KEPT)(self._lane_beside)
 
     @classmethod
     def of(cls, road_map: RoadMap) -> StoryMap:
@@ -102,6 +110,9 @@ class StoryMap:
             DocumentError: the map has no such place, or an entity is not there. The text has file and line.
         """
         position = item.part() if item.kind in {"Position", "TargetPosition", "TargetPositionMaster"} else item
+        return self._fixed(position) if position.kind in _FIXED else self._find(position, entity)
+
+    def _find(self, position: StoryItem, entity: Entity | None = None) -> MapPlace:
         try:
             place = _FINDERS[position.kind](self, position, entity)
         except DocumentError as error:
@@ -116,7 +127,7 @@ class StoryMap:
             return MapPlace(place.x, place.y, place.z, place.yaw + h, place.roll + r, place.pitch + p)
         return MapPlace(place.x, place.y, place.z, h if "h" in turn.values else place.yaw, r, p)
 
-    def project(self, place: MapPlace) -> OnLane:
+    def _project(self, place: MapPlace) -> OnLane:
         """Return the lane that something with a heading is on or nearest to."""
         if not len(self.roads):
             return OnLane(-1, 0.0, 0.0)
@@ -132,7 +143,7 @@ class StoryMap:
         beyond = dx * cos + dy * sin
         return beside if abs(beyond) < TOUCHES else self.move(beside, beyond, ())[0]
 
-    def at(self, on: OnLane) -> MapPlace:
+    def _at(self, on: OnLane) -> MapPlace:
         """Return the place in the map frame of a place on a lane."""
         points, yaws = self.roads.at(on.lane, on.s)
         x, y, z = points[0].tolist()
@@ -164,7 +175,7 @@ class StoryMap:
             s += float(roads.length[lane])
         return OnLane(lane, s, on.offset, on.turned), 0.0
 
-    def beside(self, on: OnLane, steps: int) -> tuple[int, float]:
+    def _beside(self, on: OnLane, steps: int) -> tuple[int, float]:
         """Return the row of the lane so many lanes to the left, and how far its line is to the left [m].
 
         The row is -1 for a lane that has no traffic in this direction.
@@ -187,7 +198,7 @@ class StoryMap:
         near = nearest_on_polyline(self.roads.points[first:last], own.x, own.y)
         return lane, -float(near.lateral[0])
 
-    def lane_beside(self, on: OnLane, lane: int) -> tuple[int, float]:
+    def _lane_beside(self, on: OnLane, lane: int) -> tuple[int, float]:
         """Return the same for a lane of the same road, by its id.
 
         Raises:
@@ -409,7 +420,10 @@ def _on_lane(name: str, entity: Entity) -> OnLane:
     return on
 
 
-_FINDERS: Final[dict[str, Callable[[StoryMap, StoryItem, Entity], MapPlace]]] = {
+_FIXED: Final = frozenset({"WorldPosition", "LanePosition", "RoadPosition", "LinkPosition", "GeoPosition"})
+"""Kinds of positions that mean the same place at any time."""
+
+_FINDERS: Final[dict[str, Callable[[StoryMap, StoryItem, Any], MapPlace]]] = {
     "WorldPosition": _world,
     "RelativeWorldPosition": _relative_world,
     "RelativeObjectPosition": _relative_object,

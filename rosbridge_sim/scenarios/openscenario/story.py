@@ -31,7 +31,7 @@ MAX_STORY_BYTES: Final = 1 << 21
 MAX_ENTITIES: Final = 1_000
 MAX_EVENTS: Final = 1_000
 MAX_LOOKS: Final = 1_000
-"""Most conditions, counted once for each of their triggering entities: a frame looks at all, some 0.05 ms each."""
+"""Most conditions, counted once for each of their triggering entities: a step looks at all, 0.03 to 0.1 ms each."""
 
 BLOCKS: Final = b"{"
 """Beginning of the text of a story that is made of blocks `rosbridge_sim`."""

@@ -20,6 +20,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cache
 from typing import Final, Protocol
 
 from rosbridge_sim.records import Record
@@ -27,7 +28,7 @@ from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
 
 KINDS: Final = ("Storyboard", "Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action")
 
-MAX_CHANGES: Final = 10_000
+MAX_CHANGES: Final = 1_000
 """Most changes of a condition with a delay that are kept."""
 
 
@@ -171,6 +172,7 @@ class Storyboard:
         self.conditions: Sequence[StoryItem] = table.conditions
         self._frame_time = frame_time
         self._delay = [round(each.get("delay", 0.0) / frame_time) for each in self.conditions]
+        self.find = cache(self._find)
         self._frame = self._since = 0
         self.state = self.fresh()
 
@@ -263,12 +265,14 @@ class Storyboard:
                 return True
         return False
 
-    def find(self, kind: str, name: str) -> Iterator[int]:
-        """Yield the numbers of the parts with a kind and name."""
+    def _find(self, kind: str, name: str) -> list[int]:
+        """Return the numbers of the parts with a kind and name."""
         *around, own = name.split("::")
-        for number, part in enumerate(self.parts):
-            if part.kind == kind and part.name == own and all(each in self._names_around(number) for each in around):
-                yield number
+        return [
+            number
+            for number, part in enumerate(self.parts)
+            if part.kind == kind and part.name == own and set(around) <= set(self._names_around(number))
+        ]
 
     def _names_around(self, number: int) -> list[str]:
         names = []

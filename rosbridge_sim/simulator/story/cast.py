@@ -82,7 +82,7 @@ class StoryActor:
     still: float = 0.0
     at_end: float = 0.0
     off_road: float = 0.0
-    route: list[int] = field(default_factory=list)
+    route: tuple[int, ...] = ()
     waiting: float | None = None
     is_placed: bool = False
     shown: list[float] = field(default_factory=list)
@@ -105,7 +105,11 @@ class StoryActor:
 
 
 class Cast:
-    """The actors of a story in a world."""
+    """The actors of a story in a world.
+
+    Attributes:
+        touching: ids of the entities that each one touches, behind the last frame.
+    """
 
     def __init__(
         self,
@@ -123,6 +127,7 @@ class Cast:
         self._holds = holds
         self.map = story_map
         self.actors = actors
+        self.touching: dict[int, list[int]] = {}
         self._offsets: dict[str, float] = {}
         self._moved: tuple[list[StoryActor], FloatArray, FloatArray, FloatArray] | None = None
 
@@ -167,7 +172,7 @@ class Cast:
         row = self.world.row(actor.uid)
         if actor.lane < 0 or self.world.kind[row] != Kind.VEHICLE or abs(actor.turned) > math.pi / 4:
             return
-        route = tuple(actor.route[actor.route.index(actor.lane) :]) if actor.lane in actor.route else ()
+        route = actor.route[actor.route.index(actor.lane) :] if actor.lane in actor.route else ()
         teleport(self.world, row, x=actor.x, y=actor.y, z=actor.z, yaw=actor.yaw, speed=max(actor.speed, 0.0))
         keep_lanes(self.world, [LaneStart(row, actor.lane, actor.s, max(actor.speed, STANDS), route, lateral=0.0)])
         actor.mode = DRIVER
@@ -179,6 +184,10 @@ class Cast:
             later: from the world's last frame to the step that begins; they go on until then [s].
         """
         world = self.world
+        self.touching.clear()
+        for one, other in world.contacts.tolist():
+            self.touching.setdefault(one, []).append(other)
+            self.touching.setdefault(other, []).append(one)
         for actor in self.actors.values():
             if actor.uid >= 0 and actor.uid not in world:
                 actor.uid = -1
@@ -210,7 +219,9 @@ class Cast:
 
     def _hold(self, name: str, actor: StoryActor) -> None:
         """Have a pedestrian wait until an ego is near, and stand at the end of its way: additions of MORAI."""
-        near, way = self._holds.get(name, (0.0, 0.0))
+        if name not in self._holds:
+            return
+        near, way = self._holds[name]
         if actor.waiting is not None:
             actor.waiting = actor.speed or actor.waiting
             egos = np.flatnonzero(self.world.alive & (self.world.kind == Kind.EGO))

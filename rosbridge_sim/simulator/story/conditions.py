@@ -56,15 +56,9 @@ def compare(rule: str, figure: float, value: float) -> bool:
     """Return whether a figure fulfils a rule; NaN fulfils none."""
     if math.isnan(figure):
         return False
-    is_equal = abs(figure - value) < EQUAL
-    return {
-        "greaterThan": figure > value and not is_equal,
-        "lessThan": figure < value and not is_equal,
-        "equalTo": is_equal,
-        "notEqualTo": not is_equal,
-        "greaterOrEqual": figure > value or is_equal,
-        "lessOrEqual": figure < value or is_equal,
-    }[rule]
+    if abs(figure - value) < EQUAL:
+        return rule in {"equalTo", "greaterOrEqual", "lessOrEqual"}
+    return rule == "notEqualTo" or rule.startswith("greater" if figure > value else "less")
 
 
 def measure(scene: StoryView, condition: StoryItem) -> tuple[bool, float]:
@@ -129,8 +123,7 @@ def _travelled(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> 
 
 
 def _collision(scene: StoryView, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
-    world = scene.cast.world
-    touched = [other for pair in world.contacts.tolist() if actor.uid in pair for other in pair if other != actor.uid]
+    world, touched = scene.cast.world, scene.cast.touching.get(actor.uid, [])
     reference, kind = item.find("EntityRef"), item.find("ByType")
     if reference is not None:
         touched = [uid for uid in touched if uid == scene.cast.actors[reference["entityRef"]].uid]

@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from typing import Final
 
+import numpy as np
+
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, predecessors
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
 from rosbridge_sim.simulator.story.cast import Cast, StoryActor
-from rosbridge_sim.world.geometry.planar import box_at, nearest_on_polyline
+from rosbridge_sim.world.geometry.planar import FloatArray, box_at, nearest_on_polyline
 from rosbridge_sim.world.state.world import Body
 
 REACH: Final = 1_000.0
@@ -25,7 +29,7 @@ MAX_LANES: Final = 200
 """Most lanes that are looked at, for one distance."""
 
 MAX_KEPT: Final = 1_000
-"""Most lanes of which the lanes around are kept."""
+"""Most lanes of which the lanes around are kept, and most places on them."""
 
 TOUCHES: Final = 1e-6
 """A difference that is rounding [m]."""
@@ -34,13 +38,25 @@ MAX_ASIDE: Final = 50.0
 """A place farther beside the lanes than this is not along them [m]."""
 
 
+_Box = tuple[float, float, float, float, float, float]
+
+
+class _Around(Record, eq=False):
+    """The lanes ahead and behind: the way from the start of the own lane to the start of each and of all [m]."""
+
+    starts: Mapping[int, float]
+    line: FloatArray
+    first: float
+
+
 class Measures:
     """Measures distances of one cast."""
 
     def __init__(self, cast: Cast, bodies: Mapping[str, Body]) -> None:
         self._cast = cast
         self._bodies = bodies
-        self._around: dict[tuple[int, tuple[int, ...]], list[tuple[int, float]]] = {}
+        self._around = lru_cache(MAX_KEPT)(self._find_around)
+        self._from_start = lru_cache(MAX_KEPT)(self._find_from_start)
 
     def to_entity(self, name: str, other: str, item: StoryItem) -> float:
         """Return a distance as a condition asks for it [m]: behind is negative, where it is measured along."""
@@ -53,7 +69,9 @@ class Measures:
             aside = abs(self.aside(name, other, system))
             return max(aside - self.half_widths(name, other), 0.0) if is_free else aside
         if is_free:
-            return _between(self._box(name), self._box(other))
+            to_other, is_apart = _to_box(self._box(name), self._corners(other))
+            to_own, is_apart_too = _to_box(self._box(other), self._corners(name))
+            return min(to_other, to_own) if is_apart or is_apart_too else 0.0
         here = self._cast.find(name)
         return math.dist((here.x, here.y), (there.x, there.y))
 
@@ -64,7 +82,7 @@ class Measures:
         is_free = item.get("freespace", False)
         if kind not in {"longitudinal", "lateral"}:
             if is_free:
-                return _between(self._box(name), [(place.x, place.y)])
+                return _to_box(self._box(name), [(place.x, place.y)])[0]
             return math.dist((here.x, here.y), (place.x, place.y))
         along, aside = self._relative(here, place, system)
         if kind == "lateral":
@@ -76,14 +94,17 @@ class Measures:
 
     def along(self, name: str, other: str, system: str) -> float:
         """Return how far ahead another entity's reference point is [m]."""
-        return self._relative(self._cast.find(name), self._cast.find(other).place, system)[0]
+        there = self._cast.find(other)
+        on = there.on_lane if there.lane >= 0 and not there.is_changing_lane else None
+        return self._relative(self._cast.find(name), there.place, system, on)[0]
 
     def aside(self, name: str, other: str, system: str) -> float:
         """Return how far to the left another entity's reference point is [m]."""
         here, there = self._cast.find(name), self._cast.find(other)
         # Within a frame an action may have shifted the other one already.
-        is_on = system != "entity" and there.lane >= 0
-        return self._relative(here, self._cast.map.at(there.on_lane) if is_on else there.place, system)[1]
+        if system == "entity" or there.lane < 0:
+            return self._relative(here, there.place, system)[1]
+        return self._relative(here, self._cast.map.at(there.on_lane), system, there.on_lane)[1]
 
     def free_along(self, name: str, other: str, system: str) -> float:
         """Return the free way to another entity [m]: negative behind; 0 beside."""
@@ -94,7 +115,7 @@ class Measures:
         here = self._cast.find(name)
         front, rear = self._ends(name)
         cos, sin = math.cos(here.yaw), math.sin(here.yaw)
-        ways = [(x - here.x) * cos + (y - here.y) * sin for x, y in self._box(other)]
+        ways = [(x - here.x) * cos + (y - here.y) * sin for x, y in self._corners(other)]
         if min(ways) > front:
             return min(ways) - front
         return max(ways) + rear if max(ways) < -rear else 0.0
@@ -128,45 +149,40 @@ class Measures:
             return found[0] * actor.direction
         return math.dist((actor.x, actor.y), (place.x, place.y))
 
-    def _relative(self, here: StoryActor, place: MapPlace, system: str) -> tuple[float, float]:
+    def _relative(
+        self, here: StoryActor, place: MapPlace, system: str, on: OnLane | None = None
+    ) -> tuple[float, float]:
         """Return how far ahead and to the left of an actor a place is [m]."""
-        if system in {"road", "lane", "trajectory"} and (found := self._on_lanes(here, place)) is not None:
+        if system in {"road", "lane", "trajectory"} and (found := self._on_lanes(here, place, on)) is not None:
             return found[0] * here.direction, found[1] * here.direction
         dx, dy = place.x - here.x, place.y - here.y
         cos, sin = math.cos(here.yaw), math.sin(here.yaw)
         return dx * cos + dy * sin, dy * cos - dx * sin
 
-    def _on_lanes(self, actor: StoryActor, place: MapPlace) -> tuple[float, float] | None:
-        """Return how far along its lane's direction, and to the left of the actor, a place is; None if it is not."""
+    def _on_lanes(self, actor: StoryActor, place: MapPlace, on: OnLane | None = None) -> tuple[float, float] | None:
+        """Return how far along its lane's direction, and to the left of the actor, a place is; None if it is not.
+
+        Args:
+            on: the place on a lane, if it is known.
+        """
         if actor.lane < 0:
             return None
-        story_map, around = self._cast.map, self._lanes_around(actor)
-        on = story_map.project(place)
-        starts = dict(reversed(around))
-        if on.lane in starts:
-            return starts[on.lane] + on.s - actor.s, on.offset - actor.offset
-        roads = story_map.roads
-        best: tuple[float, float, float] | None = None
-        for lane, start in around:
-            first, last = int(roads.first[lane]), int(roads.first[lane + 1])
-            near = nearest_on_polyline(roads.points[first:last], place.x, place.y)
-            away = abs(float(near.lateral[0]))
-            if best is None or away < best[0] - TOUCHES:
-                best = away, start + float(near.arc[0]), float(near.lateral[0])
-        if best is None or best[0] > MAX_ASIDE:
-            return None
-        return best[1] - actor.s, best[2] - actor.offset
+        found = self._from_start(actor.lane, actor.route, place, on)
+        return None if found is None else (found[0] - actor.s, found[1] - actor.offset)
 
-    def _lanes_around(self, actor: StoryActor) -> list[tuple[int, float]]:
-        """Return the lanes ahead and behind, each with the way from the start of the own lane to its start [m]."""
-        key = (actor.lane, tuple(actor.route))
-        if key not in self._around:
-            if len(self._around) >= MAX_KEPT:
-                self._around.clear()
-            self._around[key] = self._find_around(actor.lane, actor.route)
-        return self._around[key]
+    def _find_from_start(
+        self, lane: int, route: tuple[int, ...], place: MapPlace, on: OnLane | None
+    ) -> tuple[float, float] | None:
+        """Return the same from the start and the line of a lane."""
+        around = self._around(lane, route)
+        on = self._cast.map.project(place) if on is None else on
+        if on.lane in around.starts:
+            return around.starts[on.lane] + on.s, on.offset
+        near = nearest_on_polyline(around.line, place.x, place.y)
+        lateral = float(near.lateral[0])
+        return None if abs(lateral) > MAX_ASIDE else (around.first + float(near.arc[0]), lateral)
 
-    def _find_around(self, own: int, route: Sequence[int]) -> list[tuple[int, float]]:
+    def _find_around(self, own: int, route: tuple[int, ...]) -> _Around:
         roads = self._cast.map.roads
         lanes = [(own, 0.0)]
         lane, start = own, 0.0
@@ -186,16 +202,28 @@ class Measures:
             lane = next((each for each in before if each in route), before[0])
             start -= float(roads.length[lane])
             lanes.append((lane, start))
-        return lanes
+        starts = dict(sorted(lanes, key=lambda each: -abs(each[1])))  # of a ring each lane once, where it is nearer
+        in_order = sorted(starts, key=lambda each: starts[each])
+        line = np.concatenate([roads.points[roads.first[lane] : roads.first[lane + 1]] for lane in in_order])
+        return _Around(starts, line, starts[in_order[0]])
 
     def _ends(self, name: str) -> tuple[float, float]:
         """Return how far a box reaches before and behind its reference point [m]."""
         body = self._bodies[name]
         return body.length - body.rear_overhang, body.rear_overhang
 
-    def _box(self, name: str) -> list[tuple[float, float]]:
+    def _corners(self, name: str) -> list[tuple[float, float]]:
         actor, body = self._cast.find(name), self._bodies[name]
         return box_at((actor.x, actor.y, actor.yaw), 0.5 * body.length, 0.5 * body.width, body.centre)
+
+    def _box(self, name: str) -> _Box:
+        """Return the middle of a box, the direction of its length, and half of its length and width."""
+        actor, body = self._cast.find(name), self._bodies[name]
+        cos, sin = math.cos(actor.yaw), math.sin(actor.yaw)
+        return (
+            *(actor.x + body.centre * cos, actor.y + body.centre * sin, cos, sin),
+            *(0.5 * body.length, 0.5 * body.width),
+        )
 
 
 def _way_of(item: StoryItem) -> tuple[str, str]:
@@ -207,39 +235,11 @@ def _way_of(item: StoryItem) -> tuple[str, str]:
     return ("longitudinal", "road") if item.get("alongRoute", False) else ("euclidianDistance", "entity")
 
 
-def _between(one: list[tuple[float, float]], other: list[tuple[float, float]]) -> float:
-    """Return the distance between two convex shapes, each a point or corners in order; 0 if they meet [m]."""
-    if _contains(one, other[0]) or _contains(other, one[0]):
-        return 0.0
-    distances = [_to_side(point, a, b) for point in one for a, b in _sides(other)]
-    distances += [_to_side(point, a, b) for point in other for a, b in _sides(one)]
-    if any(_cross(a, b, c, d) for a, b in _sides(one) for c, d in _sides(other)):
-        return 0.0
-    return min(distances)
-
-
-_Point = tuple[float, float]
-
-
-def _sides(shape: list[_Point]) -> list[tuple[_Point, _Point]]:
-    return list(zip(shape, [*shape[1:], shape[0]], strict=True))
-
-
-def _turn(a: _Point, b: _Point, c: _Point) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _contains(shape: list[_Point], point: _Point) -> bool:
-    turns = [_turn(a, b, point) for a, b in _sides(shape)]
-    return len(shape) > 1 and (min(turns) >= 0.0 or max(turns) <= 0.0)
-
-
-def _cross(a: _Point, b: _Point, c: _Point, d: _Point) -> bool:
-    return _turn(a, b, c) * _turn(a, b, d) < 0.0 and _turn(c, d, a) * _turn(c, d, b) < 0.0
-
-
-def _to_side(point: _Point, a: _Point, b: _Point) -> float:
-    size = (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
-    share = 0.0 if size == 0.0 else ((point[0] - a[0]) * (b[0] - a[0]) + (point[1] - a[1]) * (b[1] - a[1])) / size
-    share = min(max(share, 0.0), 1.0)
-    return math.dist(point, (a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])))
+def _to_box(box: _Box, points: Sequence[tuple[float, float]]) -> tuple[float, bool]:
+    """Return the least distance of points to a box [m], and whether a side of it lies between all of them and it."""
+    x, y, cos, sin, half_length, half_width = box
+    own = [((px - x) * cos + (py - y) * sin, (py - y) * cos - (px - x) * sin) for px, py in points]
+    away = [math.hypot(max(abs(a) - half_length, 0.0), max(abs(b) - half_width, 0.0)) for a, b in own]
+    along, across = zip(*own, strict=True)
+    ways = (min(along), -max(along), half_length), (min(across), -max(across), half_width)
+    return min(away), any(max(low, high) > half for low, high, half in ways)

@@ -482,7 +482,7 @@ def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     if item.kind == "AcquirePositionAction":
         places.insert(0, actor.on_lane)
     if len(places) > 1:
-        actor.route = list(story_map.find_way(places[0], places[1:]))
+        actor.route = story_map.find_way(places[0], places[1:])
     del running
     return True
 

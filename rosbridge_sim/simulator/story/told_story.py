@@ -88,7 +88,7 @@ class ToldStory:
             for phase in controller.parts
             for state in phase.parts
         }
-        self._begun: list[int] = []  # actions whose events have begun, while triggers are looked at
+        self._begun: dict[int, None] = {}  # actions whose events have begun, while triggers are looked at
         self._init = [
             (action, [each["entityRef"]] if each.kind == "Private" else [])
             for each in story.init.parts
@@ -114,6 +114,7 @@ class ToldStory:
         """Have everything look at the present state."""
         state = self.state
         self.board.state = state.board
+        self._keep(list(state.running))
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
         self._cast = Cast(self._world, self._map, state.actors, self.story.holds)
         measures = Measures(self._cast, bodies)
@@ -164,7 +165,7 @@ class ToldStory:
     def _advance(self) -> None:
         """Look at all triggers, begin the actions of the events that they start, and move the actors by a step."""
         self.board.advance(self.state.step, self)
-        begun, self._begun = self._begun, []
+        begun, self._begun = self._begun, {}
         for number in begun:
             actors = self.board.parts[self._group_of(number)].item.part("Actors")
             self._begin(number, self.board.parts[number].item.part(), [each["entityRef"] for each in actors.parts])
@@ -213,18 +214,24 @@ class ToldStory:
         """
         self._cast.begin_step()
         state = self.state
-        for running in sorted(state.running, key=lambda each: each.number):
+        going: list[Running] = []
+        for running in sorted(state.running, key=lambda each: (each.number >= 0, abs(each.number))):
             item, actor = self._item_of(running.number), state.actors[running.entity]
             motion = MOTIONS[item.kind]
             if "lateral" in motion.domains:
                 actor.way_speed = actor.speed
             try:
-                if actor.uid < 0 or motion.advance(self._stage, item, actor, running):
-                    state.running.remove(running)
+                if actor.uid >= 0 and not motion.advance(self._stage, item, actor, running):
+                    going.append(running)
             except DocumentError as error:
                 self._tell(item, error)
-                state.running.remove(running)
+        self._keep(going)
         self._cast.move()
+
+    def _keep(self, going: list[Running]) -> None:
+        """Have these actions go on, and no others."""
+        self.state.running[:] = going
+        self._going = {running.number for running in going}
 
     # The host of the storyboard
 
@@ -238,16 +245,16 @@ class ToldStory:
         if action.kind == "GlobalAction":
             self._begin(number, action, [])
         else:
-            self._begun.append(number)
+            self._begun[number] = None
 
     def is_done(self, number: int) -> bool:
         """See `Host`."""
-        return number not in self._begun and all(running.number != number for running in self.state.running)
+        return number not in self._begun and number not in self._going
 
     def end(self, number: int) -> None:
         """See `Host`."""
-        self._begun = [each for each in self._begun if each != number]
-        self.state.running[:] = [running for running in self.state.running if running.number != number]
+        self._begun.pop(number, None)
+        self._keep([running for running in self.state.running if running.number != number])
 
     def _begin(self, number: int, item: StoryItem, names: list[str]) -> None:
         if item.kind == "GlobalAction":
@@ -343,7 +350,7 @@ class ToldStory:
             raise DocumentError(f"{printable(name, 60)} is not in the world")
         self._world.remove(actor.uid)
         actor.uid = -1
-        self.state.running[:] = [running for running in self.state.running if running.entity != name]
+        self._keep([running for running in self.state.running if running.entity != name])
 
     def _set(self, name: str, action: StoryItem) -> None:
         values = self.state.values

@@ -54,10 +54,10 @@ class Stage:
             self.frame += 1
 
     def state(self, name: str, kind: str = "Event") -> State:
-        return State(self.board.state.states[next(self.board.find(kind, name))])
+        return State(self.board.state.states[self.board.find(kind, name)[0]])
 
     def count(self, name: str) -> int:
-        return self.board.state.counts[next(self.board.find("Event", name))]
+        return self.board.state.counts[self.board.find("Event", name)[0]]
 
 
 def test_an_event_starts_by_its_trigger_runs_and_completes_with_all_around_it() -> None:
@@ -102,9 +102,9 @@ def test_a_delay_looks_at_what_was_so_long_ago() -> None:
 
 def test_a_condition_that_flickers_keeps_a_bounded_past() -> None:
     stage = Stage(group("Ego", event("e", speed(1), probe("a", delay=1000.0))))
-    for i in range(12_000):
+    for i in range(1_200):
         stage.step(*("a" if i % 2 else ""))
-    assert len(stage.board.state.history[0]) <= 10_000
+    assert len(stage.board.state.history[0]) <= 1_000
 
 
 @pytest.mark.parametrize(
