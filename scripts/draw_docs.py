@@ -2,7 +2,7 @@
 """Draw the pictures of README and of the documentation's first pages.
 
     python scripts/draw_docs.py    writes docs/images/drive.svg, a PNG for each of five built-in scenes, and
-                                   scenario_crossing.jpg, for which it needs the extra `sensors`
+                                   scenario_crossing.jpg and story_*.jpg, for which it needs the extra `sensors`
 
 `town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours;
 so are the scenes `hills`, `motorway`, `roundabout` and `parking`. `opendrive_crossing.png` is a file in OpenDRIVE.
@@ -209,6 +209,24 @@ def draw_own_scenario(path: Path) -> None:
             raise SystemExit(f"{path}: it cannot be drawn")
 
 
+STORY_MOMENTS: Final = {"cut-in": "3.1", "jaywalker": "8", "red light": "6", "merge": "3.2"}
+"""Stories of the same page, and the times of their pictures [s]."""
+
+
+def draw_stories(folder: Path) -> None:
+    """Write what is seen of each story of that page from behind its ego, which drives itself."""
+    page = (ROOT / "docs" / "guides" / "write_scenario.md").read_text("utf-8")
+    for name, story in re.findall(r"<!-- story: ([^>]+) -->\n```json\n(.*?)```", page, re.DOTALL):
+        with tempfile.TemporaryDirectory() as own:
+            file = Path(own) / "story.json"
+            file.write_text(story, "utf-8")
+            path = folder / f"story_{name.replace(' ', '_').replace('-', '_')}.jpg"
+            if TOOLS["shot"](
+                ["--scenario", str(file), "--at", STORY_MOMENTS[name], "--size", "800x400", "-o", str(path)]
+            ):
+                raise SystemExit(f"{path}: it cannot be drawn")
+
+
 def main() -> int:
     """Write all pictures."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
@@ -218,6 +236,7 @@ def main() -> int:
     draw_opendrive(IMAGES / "opendrive_crossing.png")
     draw_drive(IMAGES / "drive.svg")
     draw_own_scenario(IMAGES / "scenario_crossing.jpg")
+    draw_stories(IMAGES)
     return 0
 
 

@@ -48,7 +48,7 @@ MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:
 """Mark, language and text of an example, and of the block that says what it prints, where there is one."""
 
 STORY = re.compile(r"<!-- story: .+? -->\n```\w+\n.*?```", re.DOTALL)
-"""Stories of `guides/stories.md`, which tests/simulator/story/test_guide_stories.py tells."""
+"""Stories of `guides/write_scenario.md`, which tests/simulator/story/test_guide_stories.py tells."""
 
 PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv|json)$", re.MULTILINE)
 """Start of a block that must have a mark."""
