@@ -191,14 +191,15 @@ def _show_figures(account: _Report) -> None:
     )
     if account["nodes"]["num"]:
         put(f"nodes: {account['nodes']['num']:,}, {account['nodes']['on_stop_line']:,} of them on a stop line")
+    is_mgeo = account["nodes"]["num"] > 0
+    changes = f"; {lanes['num_links_for_changes']:,} links for lane changes" if is_mgeo else ""
     put(
         f"lanes: {lanes['num']:,}, {lanes['length_km']:.2f} km; {lanes['num_with_neighbours']:,} with a lane beside "
-        f"it to change into, {lanes['num_to_stop_lines']:,} that end at a stop line; "
-        f"{lanes['num_links_for_changes']:,} links for lane changes"
+        f"it to change into, {lanes['num_to_stop_lines']:,} that end at a stop line{changes}"
     )
     limits = {name if name != "0" else "none": kind for name, kind in lanes["by_speed_limit"].items()}
     _put_lanes("speed limit [km/h]", limits)
-    if account["nodes"]["num"]:
+    if is_mgeo:
         _put_lanes("link type", lanes["by_link_type"])
     _put_lanes("width [m]", lanes["by_width"])
     put(f"borders: {account['borders']['num']:,}{_counts(account['borders']['by_type'], 'type ')}")

@@ -15,6 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece
+from rosbridge_sim.maps.opendrive.plan_view import MAX_GAP
 from rosbridge_sim.maps.opendrive.road_elements import (
     ROADWAY,
     Connection,
@@ -24,9 +25,6 @@ from rosbridge_sim.maps.opendrive.road_elements import (
     RoadEnd,
     RoadMark,
 )
-
-GAP: Final = 0.01
-"""Lanes that follow one another farther apart than this are told [m]."""
 
 TORN: Final = 5.0
 """Lanes farther apart than this do not follow one another, whatever the file says [m]."""
@@ -84,15 +82,26 @@ def find_followers(roads: Mapping[str, Road], junctions: Collection[Junction], p
             told[_NARROW][f"{pieces[first].name} -> {pieces[last].name}"] = None
         else:
             found[first][last] = None
-    notes = [_told(what, list(names)) for what, names in told.items() if names]
+    for first, last in list(_find_meeting(roads, pieces, found)):
+        found[first][last] = None
+        told[_GUESSED][f"{pieces[first].name} -> {pieces[last].name}"] = None
+    notes = [tell(what, list(names)) for what, names in told.items() if names]
     return Follows(*_measure_joins(pieces, [list(each) for each in found], notes))
 
 
-_LOST, _TURNED, _NARROW = _REMARKS = (
+_LOST, _TURNED, _NARROW, _GUESSED = _REMARKS = (
     "links to roads and lanes that are not there",
     "links name the wrong end of a road; the near one is taken",
     "links at the end of a lane where it has no width are left out",
+    "lanes without a link follow one another because they meet and their roads are linked",
 )
+
+
+MEET: Final = 0.5
+"""A lane without a link is followed by one that begins this near to its end, on a linked road [m]."""
+
+MAX_MEETING: Final = 16
+"""Lanes that begin at one place, of which it may be one."""
 
 
 def _row(rows: _Rows, end: LaneEnd) -> int:
@@ -104,7 +113,7 @@ def _nearest_ends(
     roads: Mapping[str, Road], pieces: Sequence[LanePiece], rows: _Rows, ends: tuple[LaneEnd, LaneEnd]
 ) -> tuple[LaneEnd, LaneEnd]:
     """Return the ends of a link; with the other end of one road if the ones that it names are far apart."""
-    if ends[0].road == ends[1].road or not all(rows[end[:3]] for end in ends):
+    if ends[0].road == ends[1].road:
         return ends
 
     def apart(pair: tuple[LaneEnd, LaneEnd]) -> float:
@@ -112,18 +121,43 @@ def _nearest_ends(
         one, other = (piece.line[0 if piece.is_forward == is_start else -1] for piece, is_start in lines)
         return float(np.linalg.norm(one - other))
 
-    best = ends
-    if apart(ends) > TORN:
-        turned = [(_other_end(roads, ends[0]), ends[1]), (ends[0], _other_end(roads, ends[1]))]
-        near = [pair for pair in turned if all(rows[end[:3]] for end in pair) and apart(pair) < TORN]
-        best = min(near, key=apart, default=ends)
-    return best
+    turned = [ends, (_other_end(roads, ends[0]), ends[1]), (ends[0], _other_end(roads, ends[1]))]
+    there = [pair for pair in turned if all(rows[end[:3]] for end in pair)]
+    if ends in there and apart(ends) < TORN:
+        return ends
+    return min((pair for pair in there if apart(pair) < TORN), key=apart, default=ends)
 
 
 def _other_end(roads: Mapping[str, Road], end: LaneEnd) -> LaneEnd:
     """Return the end of the lane with the same id at the other end of the road."""
     last = len(roads[end.road].sections) - 1
     return LaneEnd(end.road, last if end.is_start else 0, end.lane, not end.is_start)
+
+
+def _find_meeting(
+    roads: Mapping[str, Road], pieces: Sequence[LanePiece], found: Sequence[Collection[int]]
+) -> Iterator[tuple[int, int]]:
+    """Yield lanes that nothing follows, and those that begin there on a road that the file links with theirs."""
+    linked: dict[str, set[str]] = defaultdict(set)
+    for road in roads.values():
+        for end in (road.before, road.after):
+            if end is not None and end.road:
+                linked[road.id].add(end.road)
+                linked[end.road].add(road.id)
+    starts: dict[tuple[int, int], list[int]] = defaultdict(list)
+    for row, piece in enumerate(pieces):
+        if not piece.is_cut[0]:
+            starts[int(piece.line[0, 0] // MEET), int(piece.line[0, 1] // MEET)].append(row)
+    for row, piece in enumerate(pieces):
+        if found[row] or piece.is_cut[1]:
+            continue
+        x, y = (int(each // MEET) for each in piece.line[-1, :2].tolist())
+        around = [starts.get((x + i, y + j), ())[:MAX_MEETING] for i in (-1, 0, 1) for j in (-1, 0, 1)]
+        for other in (each for own in around for each in own if pieces[each].road in linked[piece.road]):
+            ahead = [line[1, :2] - line[0, :2] for line in (piece.line[-2:], pieces[other].line)]
+            is_near = float(np.linalg.norm(pieces[other].line[0] - piece.line[-1])) < MEET
+            if is_near and float(ahead[0] @ ahead[1]) > 0.0:
+                yield row, other
 
 
 def _touching(  # noqa: C901 - records of lanes lie four levels deep
@@ -182,12 +216,13 @@ def _connected(
 
 
 def _end_of(roads: Mapping[str, Road], end: RoadEnd | None, lane: int) -> LaneEnd | None:
-    """Return the end of a lane at an end of a road; None where either is not there."""
+    """Return the end of a lane at an end of a road; None where there is no such road, or no such lane at either end."""
     road = roads.get(end.road) if end is not None else None
     if road is None or end is None:
         return None
     section = 0 if end.is_start else len(road.sections) - 1
-    return LaneEnd(road.id, section, lane, end.is_start) if lane in road.sections[section].lanes else None
+    is_there = any(lane in road.sections[number].lanes for number in (0, -1))
+    return LaneEnd(road.id, section, lane, end.is_start) if is_there else None
 
 
 def _measure_joins(
@@ -197,23 +232,32 @@ def _measure_joins(
     ends = [(row, after) for row, own in enumerate(successors) for after in own]
     gaps = [float(np.linalg.norm(pieces[after].line[0] - pieces[row].line[-1])) for row, after in ends]
     order = sorted(range(len(ends)), key=lambda i: -gaps[i])
-    texts = [f"{pieces[ends[i][0]].name} -> {pieces[ends[i][1]].name} {gaps[i]:.2f} m" for i in order if gaps[i] > GAP]
+    texts = [
+        f"{pieces[ends[i][0]].name} -> {pieces[ends[i][1]].name} {gaps[i]:.2f} m" for i in order if gaps[i] > MAX_GAP
+    ]
     num_torn = sum(gap > TORN for gap in gaps)
     for i in order[:num_torn]:
         row, after = ends[i]
         successors[row].remove(after)
     if num_torn:
         notes.append(
-            _told(f"lanes that are linked over more than {TORN:g} m do not follow one another", texts[:num_torn])
+            tell(f"lanes that are linked over more than {TORN:g} m do not follow one another", texts[:num_torn])
         )
     if len(texts) > num_torn:
-        notes.append(_told(f"lanes that follow one another over a gap of more than {100 * GAP:g} cm", texts[num_torn:]))
+        notes.append(
+            tell(f"lanes that follow one another over a gap of more than {100 * MAX_GAP:g} cm", texts[num_torn:])
+        )
     return successors, notes
 
 
-def _told(what: str, names: Sequence[str]) -> str:
+def tell(what: str, names: Sequence[str], num: int | None = None) -> str:
+    """Return a note with the first examples.
+
+    Args:
+        num: number of all, where `names` are fewer.
+    """
     more = ", ..." if len(names) > MAX_TOLD else ""
-    return f"{len(names):,} {what}: {', '.join(names[:MAX_TOLD])}{more}"
+    return f"{len(names) if num is None else num:,} {what}: {', '.join(names[:MAX_TOLD])}{more}"
 
 
 # Side by side

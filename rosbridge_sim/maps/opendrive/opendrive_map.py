@@ -6,6 +6,7 @@ follow when all roads are known.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -24,7 +25,15 @@ from rosbridge_sim.maps.opendrive.lane_layout import (
     lay_lanes,
     paint_marks,
 )
-from rosbridge_sim.maps.opendrive.lane_links import find_cuts, find_followers, find_neighbours, spread_cuts
+from rosbridge_sim.maps.opendrive.lane_links import (
+    MAX_TOLD,
+    find_cuts,
+    find_followers,
+    find_neighbours,
+    spread_cuts,
+    tell,
+)
+from rosbridge_sim.maps.opendrive.plan_view import Joint, find_torn_joints
 from rosbridge_sim.maps.opendrive.road_elements import (
     MAX_COORDINATE,
     READ,
@@ -92,6 +101,7 @@ class _Reading:
         self._unused: Counter[str] = Counter()
         self._lane_types: Counter[str] = Counter()
         self._narrow: list[str] = []
+        self._torn: list[tuple[Joint, str]] = []
         self._notes: list[str] = []
 
     def take(self, element: Element) -> None:
@@ -178,6 +188,7 @@ class _Reading:
         if road.id in self._roads:
             raise element.error("id", "each road once", road.id)
         self._roads[road.id] = road
+        self._torn += ((joint, road.id) for joint in find_torn_joints(road.shapes))
         cuts = find_stop_cuts(road)
         for number, section in enumerate(road.sections):
             kept = spread_cuts(cuts | find_cuts(road, section), section)
@@ -214,9 +225,16 @@ class _Reading:
     def _final_notes(self) -> list[str]:
         """Return the notes about what was left out, at the end of those about mistakes."""
         notes = []
+        if self._torn:
+            self._torn.sort(reverse=True)
+            texts = [
+                f"road {name} at {joint.s:.2f} m: {100.0 * joint.gap:.0f} cm, {math.degrees(joint.kink):.0f} degrees"
+                for joint, name in self._torn[: MAX_TOLD + 1]
+            ]
+            what = "places at which two shapes of a reference line do not meet, by more than 1 cm or 1 degree"
+            notes.append(tell(what, texts, len(self._torn)))
         if self._narrow:
-            shown = ", ".join(self._narrow[:5]) + (", ..." if len(self._narrow) > 5 else "")  # noqa: PLR2004 - examples
-            notes.append(f"{len(self._narrow):,} lanes without width or length are left out: {shown}")
+            notes.append(tell("lanes without width or length are left out", self._narrow))
         if self._lane_types:
             kinds = ", ".join(f"{num:,} of type {kind}" for kind, num in self._lane_types.most_common(MAX_KINDS))
             notes.append(f"lanes that are no road for vehicles are left out: {kinds}")

@@ -7,8 +7,10 @@ heights, ...) hold from their own s to the next one; their variable is the dista
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -26,6 +28,12 @@ POLY3_STEP: Final = 0.05
 
 MAX_STEPS: Final = 20_000
 """Steps of one shape; longer ones are measured in longer steps."""
+
+MAX_GAP: Final = 0.01
+"""Shapes and lanes that follow one another farther apart than this are told [m]."""
+
+MAX_KINK: Final = math.radians(1.0)
+"""Shapes that follow one another in directions more different than this are told [rad]: 2 cm a metre beside them."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -75,6 +83,30 @@ def place_on(shapes: Sequence[PlanShape], s: FloatArray) -> tuple[FloatArray, Fl
         x[own], y[own] = shape.x + cos * u - sin * v, shape.y + sin * u + cos * v
         heading[own] = shape.heading + turn
     return x, y, heading
+
+
+class Joint(NamedTuple):
+    """A place at which a shape of a reference line does not end where the next one begins.
+
+    Attributes:
+        gap: between the two [m].
+        kink: angle between their directions there, not negative [rad].
+        s: distance along the road [m].
+    """
+
+    gap: float
+    kink: float
+    s: float
+
+
+def find_torn_joints(shapes: Sequence[PlanShape]) -> Iterator[Joint]:
+    """Yield the joints with a gap over `MAX_GAP` or a kink over `MAX_KINK`."""
+    for shape, after in pairwise(shapes):
+        (x,), (y,), (heading,) = place_on((shape,), np.array([after.s]))
+        gap = math.hypot(after.x - x, after.y - y)
+        kink = abs(math.remainder(after.heading - heading, 2.0 * math.pi))
+        if gap > MAX_GAP or kink > MAX_KINK:
+            yield Joint(gap, kink, after.s)
 
 
 def _nudged(s: FloatArray) -> FloatArray:

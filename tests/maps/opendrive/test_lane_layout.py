@@ -145,6 +145,13 @@ def test_marks_that_only_repeat_the_one_before_are_no_lines_of_their_own() -> No
     ]
 
 
+def test_shapes_that_do_not_meet_are_told() -> None:
+    plan = geometry(LINE, 50.0) + geometry(LINE, 50.0, 50.0, x=50.1, hdg=0.5)
+    notes = read(road(plan=plan), road("2")).notes
+    assert any(note.endswith("1 degree: road 1 at 50.00 m: 10 cm, 29 degrees") for note in notes)
+    assert not any("do not meet" in note for note in read(road("2")).notes)
+
+
 def test_short_shapes_and_sections_make_no_lanes_without_length() -> None:
     plan = geometry(LINE, 1e-7) + geometry(LINE, 100.0, 1e-7)
     parts = section([lane(0), lane(-1)]) + section([lane(0), lane(-1)], 50.0) + section([lane(0), lane(-1)], 50.0000001)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.maps.opendrive.plan_view import PlanShape, evaluate, evaluate_all, place_on
+from rosbridge_sim.maps.opendrive.plan_view import PlanShape, evaluate, evaluate_all, find_torn_joints, place_on
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 S = np.linspace(0.0, 60.0, 121)
@@ -78,6 +78,20 @@ def test_shapes_hold_from_their_start_and_the_last_place_belongs_to_the_one_befo
     assert place_on(shapes, np.array([0.0, 10.0, 20.0]))[1].tolist() == [0.0, 100.0, 100.0]
     assert place_on(shapes, np.array([0.0, 5.0, 10.0]))[1].tolist() == [0.0, 0.0, 0.0]
     assert place_on(shapes, np.array([10.0 - 1e-9, 12.0]))[1].tolist() == [100.0, 100.0]
+
+
+def test_joints_with_a_gap_of_a_centimetre_or_a_kink_of_a_degree_are_found() -> None:
+    def line(s: float, x: float, heading: float = 0.0) -> PlanShape:
+        return PlanShape(s, x, 0.0, heading, 10.0, "line")
+
+    joints = list(find_torn_joints([line(0.0, 0.0), line(10.0, 10.1), line(20.0, 20.109), line(30.0, 30.109, -0.02)]))
+    assert [(round(joint.gap, 6), round(joint.kink, 6), joint.s) for joint in joints] == [
+        (0.1, 0.0, 10.0),
+        (0.0, 0.02, 30.0),
+    ]
+    arc = PlanShape(0.0, 0.0, 0.0, 0.0, 10.0, "arc", (0.1,))
+    end = [float(each[0]) for each in place_on([arc], np.array([10.0]))]
+    assert list(find_torn_joints([arc, PlanShape(10.0, end[0], end[1], end[2] - 6.0 * math.pi, 5.0, "line")])) == []
 
 
 def test_polynomials_hold_from_their_start_with_their_own_variable() -> None:
