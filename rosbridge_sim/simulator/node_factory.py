@@ -148,7 +148,7 @@ def make_node(
         SceneMarkers(context),
         Scenarios(context, shelf),
         traffic,
-        stories := Stories(context),
+        stories := Stories(context, weather.set),
         Scores(context, stories.verdict, is_always=chosen.score),
     ]
     if chosen.standard_topics:

@@ -172,7 +172,17 @@ TrajectoryFollowingMode: followingMode=position|follow
 ~AppearanceAction
 GlobalAction: (EnvironmentAction|EntityAction|InfrastructureAction|ParameterAction|VariableAction|SetMonitorAction
     |TrafficAction)
-~EnvironmentAction
+EnvironmentAction: (Environment)
+Environment: name?:text ParameterDeclarations? TimeOfDay? Weather? RoadCondition?
+~TimeOfDay
+Weather: cloudState?:text fractionalCloudCover?:text temperature?:number atmosphericPressure?:number
+    Sun? Fog? Precipitation? Wind? DomeImage?
+Sun: elevation:number azimuth?:number intensity?:number illuminance?:number
+Fog: visualRange:number BoundingBox?
+Precipitation: precipitationType=dry|rain|snow intensity?:number precipitationIntensity?:number
+~Wind
+~DomeImage
+RoadCondition: frictionScaleFactor:number wetness?:text Properties?
 ~SetMonitorAction
 !TrafficAction
 EntityAction: entityRef:entity (AddEntityAction|DeleteEntityAction)

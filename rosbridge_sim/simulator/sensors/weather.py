@@ -43,11 +43,18 @@ class WeatherControl(Component):
         context.hooks.on_reset.append(self._reset)
 
     def _reset(self) -> None:
-        self._set(self._start)
+        self.set(self._start)
 
-    def _set(self, weather: Weather) -> None:
-        self.weather = weather
-        self._context.world.set_friction_share(self._rain_friction if weather is Weather.RAIN else 1.0)
+    def set(self, weather: str = "", friction: float | None = None) -> None:
+        """Change the weather.
+
+        Args:
+            weather: a `Weather`; empty for the present one.
+            friction: of the ground, relative to a dry one; None for that of the weather.
+        """
+        self.weather: Weather = Weather(weather or self.weather)
+        own = self._rain_friction if self.weather is Weather.RAIN else 1.0
+        self._context.world.set_friction_share(own if friction is None else friction)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service."""
@@ -65,7 +72,7 @@ class WeatherControl(Component):
         request: Any = call.request
         name, message = request.weather, ""
         if name in set(Weather):
-            self._set(Weather(name))
+            self.set(name)
             _log.info("weather %s, set by %s", name, call.caller.name)
         elif name:
             known = [each.value for each in Weather]

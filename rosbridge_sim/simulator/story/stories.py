@@ -24,7 +24,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import Load
-from rosbridge_sim.simulator.story.told_story import StoryState, ToldStory
+from rosbridge_sim.simulator.story.told_story import SetWeather, StoryState, ToldStory
 
 STORY_TOPIC: Final = "/sim/story"
 RATE: Final = 10.0
@@ -41,8 +41,13 @@ class Stories(Component):
         told: the story of the scene; None for none.
     """
 
-    def __init__(self, context: SimulatorContext) -> None:
-        """Begin the story of the opening scene, if it has one."""
+    def __init__(self, context: SimulatorContext, set_weather: SetWeather) -> None:
+        """Begin the story of the opening scene, if it has one.
+
+        Args:
+            set_weather: sets the weather of cameras and lidars, and the friction of the road.
+        """
+        self._set_weather = set_weather
         self._context = context
         self.told: ToldStory | None = None
         self._load: Load | None = None
@@ -111,7 +116,7 @@ class Stories(Component):
         else:
             scenario = story_scenario(story, loaded.name, None, context.scene.catalogue)
             spawns = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
-        self.told = ToldStory(context.scene, story, spawns, StoryMap.of(loaded.road_map))
+        self.told = ToldStory(context.scene, story, spawns, StoryMap.of(loaded.road_map), self._set_weather)
         self._hold_ego(is_held=story.text.drives_ego)
 
     def _hold_ego(self, *, is_held: bool) -> None:

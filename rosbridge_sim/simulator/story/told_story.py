@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, TypeAlias
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
@@ -20,6 +20,7 @@ from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.story import Story
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
 from rosbridge_sim.scenarios.openscenario.story_signals import lamps_of, start_phase
+from rosbridge_sim.scenarios.openscenario.story_weather import find_friction, find_weather
 from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboard
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.scene.scene import Scene
@@ -63,6 +64,10 @@ class StoryState:
     lights: dict[str, str] = field(default_factory=dict)
 
 
+SetWeather: TypeAlias = Callable[[str, float | None], None]
+"""Sets a weather, empty for the present one, and a friction, None for that of the weather."""
+
+
 class ToldStory:
     """A story in a world. It is the host of its storyboard.
 
@@ -72,15 +77,19 @@ class ToldStory:
         state: all that changes.
     """
 
-    def __init__(self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap) -> None:
+    def __init__(
+        self, scene: Scene, story: Story, spawns: Iterable[Spawn], story_map: StoryMap, set_weather: SetWeather
+    ) -> None:
         """Take the actors that are in the world, and begin nothing yet.
 
         Args:
             spawns: of all its entities, placed or not.
+            set_weather: sets the weather of cameras and lidars, and the friction of the road.
         """
         self.story = story
         self._scene, self._world = scene, scene.world
         self._spawns = {spawn.name: spawn for spawn in spawns}
+        self._set_weather = set_weather
         self._told: set[str] = set()
         self._controlled = {
             state["trafficSignalId"]
@@ -318,6 +327,8 @@ class ToldStory:
                 self._remove(name)
         elif item.kind in {"VariableAction", "ParameterAction"}:
             self._set(item["variableRef" if item.kind == "VariableAction" else "parameterRef"], item.part())
+        elif item.kind == "EnvironmentAction":
+            self._set_weather(find_weather(item.part()), find_friction(item.part()))
         elif item.kind == "InfrastructureAction":
             state = item.part("TrafficSignalAction").part()
             if state.kind == "TrafficSignalControllerAction":
