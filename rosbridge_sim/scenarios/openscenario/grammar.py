@@ -102,7 +102,7 @@ LateralAction: (LaneChangeAction|LaneOffsetAction|LateralDistanceAction)
 SpeedAction: SpeedActionDynamics SpeedActionTarget
 SpeedActionDynamics: {_SHAPE}
 SpeedActionTarget: (AbsoluteTargetSpeed|RelativeTargetSpeed)
-AbsoluteTargetSpeed: value:number !SteadyState?
+AbsoluteTargetSpeed: value:number
 RelativeTargetSpeed: entityRef:entity value:number speedTargetValueType=delta|factor continuous:bool
 LongitudinalDistanceAction: entityRef:entity continuous:bool freespace:bool distance?:number timeGap?:number
     coordinateSystem?=entity|road|lane displacement?=any|leadingReferencedEntity|trailingReferencedEntity
@@ -128,9 +128,11 @@ SynchronizeAction: masterEntityRef:entity targetToleranceMaster?:number targetTo
 TargetPositionMaster: (POSITIONS)
 TargetPosition: (POSITIONS)
 FinalSpeed: (AbsoluteSpeed|RelativeSpeedToMaster)
-AbsoluteSpeed: value:number !TargetDistanceSteadyState? !TargetTimeSteadyState?
+AbsoluteSpeed: value:number TargetDistanceSteadyState? TargetTimeSteadyState?
 RelativeSpeedToMaster: value:number speedTargetValueType=delta|factor
-    !TargetDistanceSteadyState? !TargetTimeSteadyState?
+    TargetDistanceSteadyState? TargetTimeSteadyState?
+TargetDistanceSteadyState: distance:number
+TargetTimeSteadyState: time:number
 ControllerAction: AssignControllerAction? OverrideControllerValueAction? ActivateControllerAction?
 AssignControllerAction: activateLateral?:bool activateLongitudinal?:bool activateLighting?:bool
     activateAnimation?:bool Controller?

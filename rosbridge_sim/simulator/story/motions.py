@@ -536,7 +536,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     """Arrive when the master arrives, with the final speed if one is given, by the least accelerations.
 
     With T until the master arrives, d to the own target and v now, that is 6 d / T^2 - (4 v + 2 final) / T, and
-    3 (d - v T) / T^2 without a final speed.
+    3 (d - v T) / T^2 without a final speed. With a steady state the final speed is reached as much earlier, and kept.
     """
     master = stage.cast.find(item["masterEntityRef"])
     own, other = (MapPlace(*point[:4]) for point in running.points[:2])
@@ -549,6 +549,11 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     if time <= STORY_STEP or way <= NEAR or is_near:
         actor.speed = _bounded(final)
         return True
+    steady = 0.0 if end is None or not end.part().parts else _steady_way(end.part().part(), final)
+    way, time = way - steady, time - steady / max(final, 1e-6)
+    if steady and (time <= STORY_STEP or way <= NEAR):
+        actor.speed = _bounded(final)
+        return False
     if end is None:
         accel = 3.0 * (way - actor.speed * time) / (time * time)
     else:
@@ -562,6 +567,10 @@ def _final(item: StoryItem, master: float) -> float:
     if item.kind == "AbsoluteSpeed":
         return float(item["value"])
     return float(master * item["value"] if item["speedTargetValueType"] == "factor" else master + item["value"])
+
+
+def _steady_way(item: StoryItem, final: float) -> float:
+    return float(item["distance"] if item.kind == "TargetDistanceSteadyState" else item["time"] * final)
 
 
 def _never(_stage: Stage, _item: StoryItem, _actor: StoryActor, _running: Running) -> bool:

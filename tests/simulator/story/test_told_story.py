@@ -343,6 +343,23 @@ def test_arrival_with_the_master_goes_before_the_performance(own: float, final: 
     assert telling.speed("Car") == pytest.approx(1.5 * (own - 20.0) / 10.0 if final is None else final, abs=0.2)
 
 
+@pytest.mark.parametrize("steady", ['TargetDistanceSteadyState distance="24"', 'TargetTimeSteadyState time="3"'])
+def test_the_final_speed_is_steady_before_the_target(steady: str) -> None:
+    target = link("middle", 120).replace("Position>", "TargetPositionMaster>")
+    own = link("right", 130).replace("Position>", "TargetPosition>")
+    end = f'<FinalSpeed><AbsoluteSpeed value="8"><{steady}/></AbsoluteSpeed></FinalSpeed>'
+    meet = f'<SynchronizeAction masterEntityRef="Ego">{target}{own}{end}</SynchronizeAction>'
+    meet = f"<PrivateAction>{meet}</PrivateAction>"
+    telling = Telling(story(with_car(20.0, v=4.0, lane="right"), group("Car", event("meet", meet, after(0)))))
+    telling.run(7.0)
+    assert telling.x("Car") == pytest.approx(130.0 - 24.0, abs=0.3)
+    for _ in range(14):
+        telling.run(0.2)
+        assert telling.speed("Car") == pytest.approx(8.0, abs=0.05)
+    telling.run(0.2)
+    assert telling.x("Car") == pytest.approx(130.0, abs=0.3)
+
+
 def test_shifts_to_the_side_follow_each_other_at_their_times() -> None:
     def shift(value: float) -> str:
         goal = f'<LaneOffsetTarget><AbsoluteTargetLaneOffset value="{value}"/></LaneOffsetTarget>'
