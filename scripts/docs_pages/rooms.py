@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -148,15 +149,27 @@ def read_arrows(root: Path, picture: Picture = PACKAGE_ROOMS) -> set[tuple[str, 
     return arrows
 
 
+_FIRST_BODY = re.compile(r"^(?:@|class |def |async def )", re.MULTILINE)
+_IMPORT = re.compile(r"^\s*(?:import|from) ", re.MULTILINE)
+
+
 @cache
 def _imports(path: Path) -> list[str]:
-    found = []
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    text = path.read_text("utf-8")
+    # A statement that imports begins a line, and most files have all of theirs before the first function.
+    head = text[: found.start()] if (found := _FIRST_BODY.search(text)) else text
+    rest = text[len(head) :]
+    imports = []
+    try:
+        tree = ast.parse(text if _IMPORT.search(rest) else head)
+    except SyntaxError:  # a line of the docstring begins like a class
+        tree = ast.parse(text)
+    for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
-            found += [f"{node.module}.{alias.name}" for alias in node.names]
+            imports += [f"{node.module}.{alias.name}" for alias in node.names]
         elif isinstance(node, ast.Import):
-            found += [alias.name for alias in node.names]
-    return found
+            imports += [alias.name for alias in node.names]
+    return imports
 
 
 def draw_rooms(root: Path, picture: Picture = PACKAGE_ROOMS) -> str:

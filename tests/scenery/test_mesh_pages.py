@@ -26,7 +26,7 @@ def unpack(page: MeshPage) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_pages_have_each_triangle_in_its_colour_within_a_centimetre_and_few_bytes() -> None:
-    mesh = static_mesh(DiskLibrary().map("track"), "track", 0)
+    mesh = static_mesh(DiskLibrary().map("parking"), "parking", 0)
     made = mesh_pages(mesh)
     parts = [unpack(page) for page in made.pages]
     corners = np.concatenate([corners for corners, _ in parts])
