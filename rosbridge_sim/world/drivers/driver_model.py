@@ -39,9 +39,12 @@ import numpy as np
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import EntryQueue
-from rosbridge_sim.world.drivers.rule_operators import ARRAYS, FEW, RuleOperators, V, written
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V, written
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME
+
+FEW: Final = 32
+"""Up to this number of drivers, single floats are faster than arrays: 1.5 us for each driver, or 60 us for all."""
 
 GAP: Final = 2.5
 """The papers' s0, the gap in a standing queue [m]: theirs is 2 m, SUMO's 2.5 m."""
@@ -68,6 +71,10 @@ COOLNESS: Final = 0.99
 
 CREEP: Final = 0.1
 """A lower speed counts as standing [m/s]. The bound also keeps quotients finite."""
+
+
+TINY: Final = 1e-100
+"""Keeps quotients finite that do not count [m^2/s^2]: no other number here is as small, and not 0."""
 
 
 class SlowVehicles(Record, eq=False):
@@ -196,8 +203,8 @@ def drive_free(do: RuleOperators[V], speed: V, desired: V, safe: V, accel: V) ->
     """
     wanted = do.least(desired, safe)
     ratio = do.least(speed / do.most(wanted, CREEP), 1.0)
-    square = ratio * ratio
-    return do.pick(wanted - speed, accel * (1.0 - square * square), do.most((wanted - speed) / SETTLING_TIME, -FIRM))
+    square, lacking = ratio * ratio, wanted - speed
+    return do.pick(lacking, accel * (1.0 - square * square), do.most(lacking / SETTLING_TIME, -FIRM))
 
 
 def gap_wanted(  # noqa: PLR0917 - numbers of one driver
@@ -279,7 +286,7 @@ def follow(  # noqa: PLR0917 - numbers of one vehicle and its lead vehicle
     room = lead_speed * lead_speed - change
     closes = do.most(closing, 0.0)
     moves = lead_accel - closes * closes / twice
-    stands_first = speed * speed * lead_accel / do.pick(room, room, 1.0)
+    stands_first = speed * speed * lead_accel / do.most(room, TINY)
     heuristic = do.pick(lead_speed * closing + change, moves, do.pick(room, stands_first, moves))
     below = (idm - heuristic) / comfort
     cool = heuristic + comfort * below / do.root(1.0 + below * below)

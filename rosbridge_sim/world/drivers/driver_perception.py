@@ -29,7 +29,7 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueu
 from rosbridge_sim.world.drivers.look_rules import MUCH_SLOWER, foresee, slow_down
 from rosbridge_sim.world.drivers.looks_one_by_one import look_one_by_one
 from rosbridge_sim.world.drivers.right_of_way import Requests, give_claims, update_holds
-from rosbridge_sim.world.drivers.rule_operators import ARRAYS, FEW
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import (
     MIN_SAFE_SPEED,
@@ -39,6 +39,9 @@ from rosbridge_sim.world.roads.lane_conflicts import (
 
 FOLLOWS_FROM: Final = 0.25
 """A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
+
+FEW: Final = 16
+"""Up to this number of drivers, single floats are faster than arrays: 8 us for each driver, or 160 us for all."""
 
 SAME_PLACE: Final = 1e-6
 """Distances that differ by less are of one place [m]: they are sums of the same lengths in another order."""

@@ -19,9 +19,6 @@ from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOpe
 V = TypeVar("V", Term, FloatArray)
 """A number of one driver, or one number for each driver."""
 
-FEW: Final = 16
-"""Up to this number of drivers, single floats are faster than arrays: some 8 us for each driver, or 200 us for all."""
-
 _NO_CELL: Final = np.empty(1)
 
 
