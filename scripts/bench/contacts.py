@@ -29,6 +29,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle.dynamics import drive
+from scripts.bench.reference import reference_line
 
 CAR = Body()
 
@@ -90,6 +91,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="cost of contacts")
     parser.add_argument("--rounds", type=int, default=9)
     arguments = parser.parse_args()
+    print(reference_line())
     cases = {
         "quiet": (line(20.0, 14.0), 500),
         "queue": (line(8.0, 14.0), 500),

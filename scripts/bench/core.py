@@ -8,6 +8,7 @@ A second row is a call of `/sim/step` for 100 ticks that asks for `/Object_topic
 frames, and that message encoded once. Nobody listens to any topic there.
 
     ./.venv/bin/python scripts/bench/core.py [--scenario NAME] [--objects N] [--rounds N] [--json FILE]
+    ./.venv/bin/python scripts/bench/core.py --scenario demo --against CHECKOUT [--pairs N]
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ import orjson
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from scripts.bench import in_turn
+
+# isort: split
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.morai.releases import LENIENCY
@@ -148,8 +152,10 @@ def main() -> None:
     parser.add_argument("--objects", type=int, default=20, help="beside the ego; at least what the scene has")
     parser.add_argument("--rounds", type=int, default=20, help=f"of {TICKS_PER_ROUND} ticks each")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
-    args = parser.parse_args()
+    args = in_turn.parse(parser)
     logging.disable(logging.WARNING)
+    if in_turn.run(args, {"tick": lambda: (Core(args.objects, scenario=args.scenario).tick, 1)}, "tick"):
+        return
     core = Core(args.objects, scenario=args.scenario)
     latencies: list[float] = []
     rates: list[float] = []

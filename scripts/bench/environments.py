@@ -6,6 +6,7 @@ and is measured in turn with each environment, which has commands of the same si
 environment is made by `gymnasium.make`, with its wrappers; many by `make_vec`, as one set of arrays.
 
     python scripts/bench/environments.py --worlds 1 256 --rounds 5
+    python scripts/bench/environments.py --worlds 1 --only Highway --against CHECKOUT
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +26,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from scripts.bench import in_turn
+
+# isort: split
 from rosbridge_sim import Worlds
 from rosbridge_sim.environments.registration import TASKS, register_all
+from scripts.bench.reference import reference_line
 from scripts.bench.worlds import ego_alone
 
 FRAMES, OTHERS, TRAFFIC = 5, 14, 20
@@ -68,20 +74,32 @@ def environment(name: str, num: int) -> Callable[[], object]:
     return step
 
 
+def _case(make: Callable[[int], Callable[[], object]], num: int) -> Callable[[], tuple[Callable[[], object], int]]:
+    return lambda: (make(num), num)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print a row for each environment: its CPU time for each world, and the ratio to the reference."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, nargs="+", default=[1, 256])
     parser.add_argument("--rounds", type=int, default=5, help="pairs in turn; medians are printed")
     parser.add_argument("--only", default="", help="environments whose names contain this")
-    chosen = parser.parse_args(arguments)
+    chosen = in_turn.parse(parser, arguments)
     register_all()
+    names = [name for name in TASKS if chosen.only in name]
+    cases = {
+        f"{name.partition('/')[2]}, {num}": _case(partial(environment, name), num)
+        for num in chosen.worlds
+        for name in names
+    }
+    cases |= {f"Worlds, {num}": _case(reference, num) for num in chosen.worlds}
+    if in_turn.run(chosen, cases, "step of a world"):
+        return
+    print(reference_line())
     for num in chosen.worlds:
         base = reference(num)
         print(f"{num} worlds: CPU time of a step for each world, and its multiple of that of `Worlds`", flush=True)
-        for name in TASKS:
-            if chosen.only not in name:
-                continue
+        for name in names:
             step = environment(name, num)
             pairs = [(measure(step), measure(base)) for _ in range(chosen.rounds)]
             cost, ratio = statistics.median(own for own, _ in pairs), statistics.median(own / of for own, of in pairs)

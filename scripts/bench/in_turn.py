@@ -1,10 +1,8 @@
-"""Measurements of another checkout and of this one in turn, and a reference loop that says how fast a machine is.
+"""Measurements of another checkout and of this one in turn.
 
-A script of this folder imports it first, and gives `main` its cases. With `--against CHECKOUT` both checkouts run in a
+A script of this folder imports it first, and gives `run` its cases. With `--against CHECKOUT` both checkouts run in a
 process of their own, each with its package and the cases of this script, and take turns of some milliseconds of CPU
 time. So whatever else the machine does meets both. The ratio is the median over pairs.
-
-Figures of two machines, or of two days, can be compared by the reference loop: what it took stands beside them.
 """
 
 from __future__ import annotations
@@ -20,7 +18,7 @@ from statistics import median
 from time import process_time
 from typing import IO
 
-import numpy as np
+from scripts.bench.reference import reference_line
 
 _FLAG = "--in-tree"
 OWN_TREE = Path(__file__).resolve().parents[2]
@@ -36,33 +34,6 @@ WARM_UP = 10
 """Calls before a measurement."""
 
 Work = Callable[[], object]
-
-
-def reference_loop() -> float:
-    """Run the reference loop: a little of what a frame of the world does, which no commit changes.
-
-    Returns:
-        The CPU time of 10,000 rounds, the least of five measurements [s].
-    """
-    return min(_reference_loop() for _ in range(5))
-
-
-def _reference_loop() -> float:
-    table, numbers, ones = {f"key {i}": float(i) for i in range(20)}, np.zeros(20), np.ones(20)
-    start = process_time()
-    for i in range(10_000):
-        total = 0.0
-        for value in table.values():
-            total += 0.5 * value
-        table[f"key {i % 20}"] = total % 20.0
-        np.add(numbers, ones, numbers)
-        numbers[numbers > 5.0] = 0.0
-    return process_time() - start
-
-
-def reference_line() -> str:
-    """Return a line about the reference loop, for the figures that follow."""
-    return f"reference loop (scripts/bench/in_turn.py): {1e3 * reference_loop():.1f} ms of CPU"
 
 
 def add_flags(parser: argparse.ArgumentParser) -> None:

@@ -21,6 +21,10 @@ from statistics import median
 import orjson
 from websockets.asyncio.client import ClientConnection, connect
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from scripts.bench.reference import reference_line
+
 VALUE = "{header: {frame_id: odom}, pose: {pose: {position: {x: {$sine: {period: 10}}, y: 1}}}}"
 TICKS = os.sysconf("SC_CLK_TCK")
 
@@ -33,6 +37,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=6.0)
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
+    print(reference_line())
     ratios = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.yaml"

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from scripts.bench.reference import reference_line
+
 _ROOT = Path(__file__).resolve().parents[2]
 _CORES = sorted(os.sched_getaffinity(0))
 
@@ -124,7 +126,7 @@ def machine() -> str:
     """Return a line about the machine, for the figures.
 
     Returns:
-        Processor, cores and Python version.
+        Processor, cores, Python version, and what the reference loop took.
     """
     model = next(
         (
@@ -135,4 +137,4 @@ def machine() -> str:
         "unknown processor",
     )
     pinned = "server and load on a core each" if len(_CORES) > 1 else "server and load share the only core"
-    return f"{model}, {len(_CORES)} cores ({pinned}), Python {sys.version.split()[0]}"
+    return f"{model}, {len(_CORES)} cores ({pinned}), Python {sys.version.split()[0]}; {reference_line()}"

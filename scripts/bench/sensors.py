@@ -47,6 +47,7 @@ from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.simulator.sensors.lidar_3d import LIDAR_MODELS
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
+from scripts.bench.reference import reference_line
 from scripts.soak.harness import Bystander
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -311,6 +312,7 @@ def main() -> None:
     parser.add_argument("--ticks", type=int, default=200, help="ticks of the server (%(default)s)")
     parser.add_argument("--seconds", type=float, default=10.0, help="of each client in real time (%(default)s)")
     args = parser.parse_args()
+    print(reference_line())
     if args.rounds:
         readings(args.map, args.rounds)
     serving(args.map, args.ticks, args.seconds)

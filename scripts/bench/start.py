@@ -19,6 +19,10 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from scripts.bench.reference import reference_line
+
 SETTLE = 1.2
 """Time from the first line of a server to the measurement of its memory [s]."""
 
@@ -74,6 +78,7 @@ def main() -> None:
     parser.add_argument("--imports", type=int, default=0)
     parser.add_argument("flags", nargs="*")
     args = parser.parse_args()
+    print(reference_line())
     os.chdir("/")  # each program finds its own package
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     own = [sys.executable, "-m", "rosbridge_sim"]

@@ -30,6 +30,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from scripts.bench import in_turn
+from scripts.bench.reference import reference_line
 
 # isort: split
 from rosbridge_sim.records import replace
@@ -274,7 +275,7 @@ def main() -> None:
         "step",
     ):
         return
-    print(in_turn.reference_line())
+    print(reference_line())
     print(f"{'case':10}{'n':>7}{'p50 us':>10}{'p99 us':>10}{'best us':>10}{'million/s':>11}{'x floor':>9}")
     for num in sizes:
         cases = {"floor": (floor(num), 1)} | {name: stepper(MAKERS[name](num)) for name in names}

@@ -37,6 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim import Worlds
 from rosbridge_sim.environments.registration import register_all
 from rosbridge_sim.shell.files.library import DiskLibrary
+from scripts.bench.reference import reference_line
 
 FRAMES = 5
 OTHERS = 14
@@ -190,6 +191,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--profile", action="store_true", help="print where the time goes, too")
     parser.add_argument("--beside", metavar="PYTHON", help="interpreter with highway-env, to compare with")
     chosen = parser.parse_args(arguments)
+    print(reference_line())
     with tempfile.TemporaryDirectory() as folder:
         scenario = chosen.scenario if chosen.whole else ego_alone(chosen.scenario, Path(folder))
         run(scenario, chosen)
