@@ -154,4 +154,4 @@ def test_any_calls_in_any_order_keep_the_invariants(
         (process,) = harness.bus.topics["/sim/process/state/msg/MoraiSimProcStatus"].latched
         assert (process.value.current_mode == 16) == harness.node.scene.is_replaying
         assert (process.value.current_status == 1) != sync.is_paused
-        assert harness.node.scene.is_replaying or not any(ego.is_replayed for ego in harness.node.egos)
+        assert harness.node.scene.is_replaying or not any(ego.moved_by for ego in harness.node.egos)

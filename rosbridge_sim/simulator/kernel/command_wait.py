@@ -120,7 +120,7 @@ class CommandWait:
 
 def _is_commanded(ego: Ego) -> bool:
     """Return whether clients may command an ego in real time."""
-    return ego.ctrl_mode is CtrlMode.EXTERNAL and not ego.is_replayed
+    return ego.ctrl_mode is CtrlMode.EXTERNAL and not ego.moved_by
 
 
 def _stamp_of(message: Struct) -> int:

@@ -68,7 +68,7 @@ class Ego:
         mountings: places of its sensors, by their frames, in the order of the table of sensors.
         odom_origin: pose of its frame `odom` in the map; see `odometry`.
         optical_frames: those of the sensors that are cameras: each has a frame of its picture, too.
-        is_replayed: a recording moves it, and commands are ignored.
+        moved_by: what moves it while commands are ignored, "recording" or "story"; else "".
         commander: the participant whose command it followed last, for people who watch; None for none that is known.
         command_frame: frame at which the last command of `/ctrl_cmd` came, for leases.
     """
@@ -101,7 +101,7 @@ class Ego:
         self.mountings = dict.fromkeys(sensor_frames, Mounting())
         self.odom_origin: Origin = self.pose if self.is_there else (0.0, 0.0, 0.0, 0.0)
         self.optical_frames: tuple[str, ...] = ()
-        self.is_replayed = False
+        self.moved_by = ""
         self.commander: Participant | None = None
         self.command_frame = 0
         self._status: Any = None  # a generated struct
@@ -182,17 +182,17 @@ class Ego:
         self._refused_gear = None
         self.mountings = dict(state.mountings)
         self.odom_origin = state.odom_origin
-        self.is_replayed = False
+        self.moved_by = ""
         self.commander = None
         self.forget_status()
 
     def control(self, control: Control) -> None:
-        """Apply a control from the next frame on. Ends self-driving. Ignored if the ego was removed or is replayed.
+        """Apply a control from the next frame on. Ends self-driving. An ego that is gone or has `moved_by` ignores it.
 
         Args:
             control: in the world's units.
         """
-        if not self.is_there or self.is_replayed:
+        if not self.is_there or self.moved_by:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.set_ctrl_mode(CtrlMode.EXTERNAL)
@@ -286,8 +286,8 @@ class Ego:
         Returns:
             None if the ego has this mode now, else the reason why not, for a person to read.
         """
-        if self.is_replayed:
-            return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
+        if self.moved_by:
+            return f"ctrl_mode {ctrl_mode.name} refused: a {self.moved_by} moves ego {self.index}"
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
             return self.drive_itself()
@@ -313,8 +313,8 @@ class Ego:
             None when it does so, else why not, for a person to read.
         """
         mode = CtrlMode.AUTONOMOUS
-        if self.is_replayed:
-            return f"ctrl_mode {mode.name} refused: a recording moves ego {self.index}"
+        if self.moved_by:
+            return f"ctrl_mode {mode.name} refused: a {self.moved_by} moves ego {self.index}"
         why = self.shift(Gear.DRIVE)
         if why is not None:
             return why
@@ -346,8 +346,8 @@ class Ego:
         """Return why the ego cannot be in a gear now, for a person to read; None if it can."""
         if not self.is_there:
             return f"gear {gear.name} refused: ego {self.index} has been removed"
-        if self.is_replayed:
-            return f"gear {gear.name} refused: a recording moves ego {self.index}"
+        if self.moved_by:
+            return f"gear {gear.name} refused: a {self.moved_by} moves ego {self.index}"
         speed = self._world.speed.item(self.row)
         if gear is self.gear or abs(speed) < commands.STANDSTILL:
             return None

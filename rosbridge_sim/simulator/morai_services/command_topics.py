@@ -156,13 +156,13 @@ class CommandTopics(Component):
 
     def _is_external(self, ego: Ego) -> bool:
         """Return whether a client may move this ego now."""
-        return not (ego.is_replayed or self._context.sync.is_on) and ego.ctrl_mode is CtrlMode.EXTERNAL
+        return not (ego.moved_by or self._context.sync.is_on) and ego.ctrl_mode is CtrlMode.EXTERNAL
 
     def _decline(self, ego: Ego, bindings: SubscribersServices, name: str, instead: str, sender: Participant) -> None:
         """Warn a client that it may not move this ego now, and name what it can use instead."""
         topic = bindings.topic(name)
-        if ego.is_replayed:
-            why = f"{topic} is ignored while a recording is replayed"
+        if ego.moved_by:
+            why = f"{topic} is ignored while a {ego.moved_by} moves ego {ego.index}"
         elif self._context.sync.is_on:
             why = f"{topic} is ignored in synchronous mode: use {instead}"
         else:

@@ -143,8 +143,9 @@ class Services(Component):
 
         if self._queue(call, read, request.frame, now):
             ego.commander = call.caller
-        if ego.is_replayed:
-            self._context.warnings.warn(call.caller, f"{call.service.name} moves nothing while a recording is replayed")
+        if ego.moved_by:
+            why = f"{call.service.name} moves nothing while a {ego.moved_by} moves ego {ego.index}"
+            self._context.warnings.warn(call.caller, why)
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)

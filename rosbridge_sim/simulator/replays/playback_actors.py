@@ -77,7 +77,7 @@ class PlaybackActors:
         found = {index: self._find_ego(index) for index in egos} if targets & EGO else {}
         self._egos = {index: ego for index, ego in found.items() if ego is not None}
         for ego in self._egos.values():
-            ego.is_replayed = True
+            ego.moved_by = "recording"
             row = ego.row
             place = {axis: getattr(world, axis).item(row) for axis in ("x", "y", "z", "roll", "pitch", "yaw")}
             place_ghost(world, row, **place)  # it leaves its lane, if it was self-driving
@@ -138,7 +138,7 @@ class PlaybackActors:
             self._world.start_scoring()
         self._world.set_friction_share(now.friction_share)  # the weather may have changed meanwhile
         for ego in self._egos.values():
-            ego.is_replayed = False
+            ego.moved_by = ""
         self._scene.is_replaying = False
         self.forget()
 
@@ -183,7 +183,7 @@ class PlaybackActors:
         self._uids, self._is_full = found, bool(is_full)
         self._scene.is_replaying = True
         for ego in self._egos.values():
-            ego.is_replayed = True
+            ego.moved_by = "recording"
 
     @property
     def is_entered(self) -> bool:

@@ -118,5 +118,5 @@ class ControlLeases(Component):
         """Lift the pedals; the wheels stay as they are."""
         world, row = self._context.world, ego.row
         is_pressed = world.mode.item(row) != Mode.PEDALS or world.throttle.item(row) or world.brake.item(row)
-        if is_pressed and not ego.is_replayed:
+        if is_pressed and not ego.moved_by:
             command(world, row, mode=Mode.PEDALS, steer=world.steer_cmd.item(row))

@@ -121,7 +121,7 @@ class Describe(Component):
             if behaviour != "ghost":
                 return behaviour, "simulator"
             return behaviour, "replay" if scene.is_replaying else "client"
-        if ego.is_replayed:
+        if ego.moved_by:
             return behaviour, "replay"
         if ego.ctrl_mode is CtrlMode.AUTONOMOUS:
             return behaviour, "self-driving"

@@ -290,8 +290,9 @@ class StepService(Component):
             read, index, uid = self.context.convert.control, ego.index, ego.uid
             actions = [ControlEgo(index, uid, read(command), has_capture=False) for command in entry.commands]
             egos[ego] = _Commands(ego, [SceneCommand(action, name, notify) for action in actions])
-            if ego.is_replayed:
-                self.context.warnings.warn(call.caller, f"{name}: commands move nothing while a recording is replayed")
+            if ego.moved_by:
+                why = f"{name}: commands move nothing while a {ego.moved_by} moves ego {index}"
+                self.context.warnings.warn(call.caller, why)
         return list(egos.values())
 
     def _find_topics(self, names: Sequence[str], caller: Participant) -> list[_Sample]:

@@ -121,7 +121,7 @@ class Stories(Component):
 
     def _hold_ego(self, *, is_held: bool) -> None:
         """Have the first ego ignore commands while the story moves it."""
-        self._context.egos.first.is_replayed = is_held
+        self._context.egos.first.moved_by = "story" if is_held else ""
 
     def _move(self) -> None:
         if self.told is not None and not self._context.scene.is_replaying:

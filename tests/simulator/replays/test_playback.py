@@ -302,8 +302,13 @@ def test_commands_to_replayed_egos_are_ignored_with_one_warning(recordings: Memo
         client.send("/NpcGhost_Topic", "morai_msgs/NpcGhostCmd", npc_list=[npc])
         client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **setting)
     assert sorted(client.told) == [
-        ("warning", f"{topic} is ignored while a recording is replayed")
-        for topic in ("/NpcGhost_Topic", "/ctrl_cmd", "/ego_setting", "/ghost_ctrl_cmd")
+        ("warning", f"{topic} is ignored while a recording {what}")
+        for topic, what in (
+            ("/NpcGhost_Topic", "is replayed"),
+            ("/ctrl_cmd", "moves ego 0"),
+            ("/ego_setting", "is replayed"),
+            ("/ghost_ctrl_cmd", "moves ego 0"),
+        )
     ]
     assert client.ask("/Service_MoraiEventCmd", option=3, ctrl_mode=1, gear=2)["gear"] != 2
     harness.run(0.2)
@@ -321,7 +326,7 @@ def test_objects_cannot_be_added_or_removed_during_a_replay(client: Client, harn
     assert len(harness.world) == num
     assert ("error", "/SyncModeRemoveObj: refused while a recording is replayed") in client.told
     assert ("error", "/SyncModeAddObj: refused while a recording is replayed") in client.told
-    assert ("warning", "/SyncModeCtrlCmd moves nothing while a recording is replayed") in client.told
+    assert ("warning", "/SyncModeCtrlCmd moves nothing while a recording moves ego 0") in client.told
 
 
 @pytest.mark.parametrize("how", ["reset", "load"])

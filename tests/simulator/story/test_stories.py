@@ -12,10 +12,12 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.grammar import GRAMMAR
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.simulator.kernel.ego import CtrlMode
 from rosbridge_sim.simulator.scene.load import WHOLE
 from rosbridge_sim.simulator.snapshots.node_state import NodeState
 from rosbridge_sim.simulator.snapshots.saved_loads import unpack_load
 from rosbridge_sim.simulator.story.stories import Stories
+from rosbridge_sim.world.state.world import Gear
 from tests.simulator.sim_harness import Client
 from tests.simulator.story.story_texts import (
     Telling,
@@ -134,11 +136,13 @@ def test_another_scenario_ends_the_story_and_gives_the_ego_back() -> None:
     telling = Telling(TEXT)
     telling.run(0.1)
     context = telling.node.context
-    assert context.egos.first.is_replayed
+    ego = context.egos.first
+    assert ego.set_ctrl_mode(CtrlMode.KEYBOARD) == "ctrl_mode KEYBOARD refused: a story moves ego 0"
+    assert ego.shift(Gear.REVERSE) == "gear REVERSE refused: a story moves ego 0"
     plain = replace(scenario_of(TEXT), story=None)
     context.scene_changes.carry_out(context.scene.prepare(plain, WHOLE), is_pausing=False, now=0.0)
     assert telling.node.component(Stories).told is None
-    assert not context.egos.first.is_replayed
+    assert context.egos.first.set_ctrl_mode(CtrlMode.KEYBOARD) is None
     assert hashes(telling, 5)
 
 
