@@ -14,6 +14,7 @@ topics:
   /odom: {type: nav_msgs/Odometry, rate: 50}
 services:
   /enable: {type: std_srvs/SetBool}
+transforms: [{parent: odom, child: base_link}]
 """
 
 
@@ -21,7 +22,7 @@ def test_good_file_is_summed_up(tmp_path: Path, capsys: pytest.CaptureFixture[st
     path = tmp_path / "robot.yaml"
     path.write_text(ROBOT)
     assert TOOLS["mock"](["check", str(path)]) == 0
-    assert capsys.readouterr().out == f"{path}: good: 1 topics, 1 services\n"
+    assert capsys.readouterr().out == f"{path}: good: 1 topics, 1 services, 1 transforms\n"
 
 
 def test_mistakes_of_all_files_are_told_with_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

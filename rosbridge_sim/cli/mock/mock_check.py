@@ -54,7 +54,7 @@ def _count(plan: MockPlan) -> dict[str, int]:
     """Return how many things of each kind a mock has."""
     num_recorded = sum(len(recording.tracks) for recording in plan.recordings)
     return {
-        "topics": len({topic.name for topic in plan.topics}) + num_recorded,
+        "topics": len(plan.document.topics) + num_recorded,
         "subscribers": len(plan.subscribers),
         "services": len(plan.services),
         "actions": len(plan.actions),

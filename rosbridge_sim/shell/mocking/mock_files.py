@@ -35,13 +35,16 @@ def read_mock(path: Path) -> YamlDocument:
     """Read a mock's file.
 
     Raises:
-        DocumentError: it cannot be read, or is no YAML.
+        DocumentError: it cannot be read, is no YAML, or has nothing.
     """
     content = read_bounded(path, MAX_YAML_BYTES)
     try:
-        return read_yaml(content.decode("utf-8-sig"), path.name)
+        document = read_yaml(content.decode("utf-8-sig"), path.name)
     except UnicodeDecodeError as error:
         raise DocumentError(f"{path.name}: expected a text in UTF-8, got byte {content[error.start]:#04x}") from None
+    if document.value is None:
+        raise DocumentError(f"{path.name}: expected topics, services or other keys of a mock, got an empty file")
+    return document
 
 
 class DiskMockFiles(MockFiles):

@@ -104,6 +104,13 @@ def test_files_beside_the_mock_are_read_up_to_a_size(tmp_path: Path, monkeypatch
         DiskMockFiles(tmp_path, TEXTS).read("a.jpg")
 
 
+@pytest.mark.parametrize("text", ["", "# nothing yet\n"])
+def test_empty_file_is_a_mistake(tmp_path: Path, text: str) -> None:
+    (tmp_path / "x.yaml").write_text(text)
+    with pytest.raises(DocumentError, match=r"^x.yaml: expected topics, .* got an empty file$"):
+        read_mock(tmp_path / "x.yaml")
+
+
 def test_mark_of_utf_8_is_no_part_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_bytes(b"\xef\xbb\xbfseed: 3\n")
     assert read_mock(tmp_path / "a.yaml").value == {"seed": 3}
