@@ -51,7 +51,7 @@ async def record_contract_file(
     Args:
         bridge: the connection.
         file: path of the new file.
-        topics: patterns of topics; empty means all but those of ROS itself.
+        topics: patterns of topics; without any pattern of either kind all but those of ROS itself.
         services: patterns of services, the same.
         duration: how long it is watched [s].
         margin: see `record_contract`.
@@ -63,10 +63,11 @@ async def record_contract_file(
         DocumentError: the file is there already, or cannot be written.
     """
     demand_new(Path(file))
-    types, there = await types_if_told(bridge), await services_if_told(bridge, services)
+    types = await types_if_told(bridge)
+    there = await services_if_told(bridge, services) if services or not topics else {}
     if types is None:
         raise RefusedError("a contract cannot be recorded without rosapi; write it, and check it")
-    wanted = chosen(types, topics)
+    wanted = chosen(types, topics) if topics or not services else []
     if not wanted and not there:
         raise RefusedError("nothing to record: no topic and no service that the patterns select is there")
     seen = await watch_topics(bridge, {name: types[name] for name in wanted}, duration)

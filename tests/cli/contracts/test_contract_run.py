@@ -97,6 +97,14 @@ async def test_patterns_select_topics_and_services(url: str, file: str) -> None:
     assert (done.code, done.complaint[:17]) == (1, "nothing to record")
 
 
+@pytest.mark.parametrize(("words", "kind"), [(("-t", "Ego*"), "topics"), (("-s", "/SyncModeCmd"), "services")])
+async def test_patterns_of_one_kind_select_nothing_of_the_other(
+    url: str, file: str, words: tuple[str, str], kind: str
+) -> None:
+    written = json.loads((await contract("record", url, file, *SHORT, *words, "--json")).out)
+    assert [key for key in ("topics", "services") if written.get(key)] == [kind]
+
+
 def test_topics_of_ros_itself_need_a_pattern() -> None:
     names = ["/odom", "/rosout", "/camera/set_parameters", "/rosapi/topics"]
     assert chosen(names, []) == ["/odom"]
