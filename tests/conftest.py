@@ -74,7 +74,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 LONGEST = (
     "page/test_panels.py",
-    "page/test_map.py",
     "end_to_end/test_soaks.py",
     "environments/test_driving_envs.py",
     "shell/test_attach.py",

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, cast
 
 import pytest
@@ -28,17 +29,14 @@ from tests.cpu_time import cpu_time
 
 __all__ = ["APART", "TOGETHER", "WORKER", "ForkedWorkers"]
 
-_WITH_WEBGL = ("drawn", "map", "sensors", "views")
-_WITHOUT = (
-    *("campaign_report", "connection", "cost", "documentation", "driving", "graph", "language", "page"),
-    *("panels", "replay", "start", "text_only", "timeline"),
-)
+_WITHOUT_BROWSER = {"test_code.py", "test_modules.py"}
 
 TOGETHER = {
-    **{f"tests/page/test_{name}.py": "pages with WebGL" for name in _WITH_WEBGL},
-    **{f"tests/page/test_{name}.py": "pages without WebGL" for name in _WITHOUT},
+    f"tests/page/{path.name}": "pages"
+    for path in sorted((Path(__file__).parent / "page").glob("test_*.py"))
+    if path.name not in _WITHOUT_BROWSER
 }
-"""Files whose tests share a Chromium: the first picture of one with WebGL takes as long as five tests."""
+"""Files whose tests share Playwright and its Chromiums, whose start takes as long as five tests."""
 
 APART = {
     "tests/end_to_end/test_sensor_programs.py",

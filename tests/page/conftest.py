@@ -57,7 +57,8 @@ SLOW_SCREEN = """
 const request = window.requestAnimationFrame.bind(window);
 window.requestAnimationFrame = (take) => setTimeout(() => request(take), 150);
 """
-"""A screen with six pictures a second: each of the map takes the software renderer 30 ms of a processor."""
+"""A screen with six pictures a second: each of the map takes the software renderer 30 ms of a processor, and nobody
+looks at those of the rest."""
 
 
 class OpenPage(Protocol):
@@ -213,7 +214,7 @@ async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.Fixtur
             contexts.push_async_callback(context.close)
             page = await context.new_page()
             page.set_default_timeout(PATIENCE * 1e3)
-            await page.add_init_script(SLOW_SCREEN if has_webgl else WITHOUT_WEBGL)
+            await page.add_init_script(SLOW_SCREEN + ("" if has_webgl else WITHOUT_WEBGL))
 
             def note(text: str) -> None:
                 if not any(part in text for part in allow):
