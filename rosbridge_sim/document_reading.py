@@ -333,6 +333,10 @@ def document_schema(kind: DocumentType[Any]) -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **whole, "$defs": _plain(parts)}
 
 
+_NUMBER_TEXT: Final = r"^\s*[+-]?\d*(,\d{3})*\.?\d*([eE][+-]?\d{1,3})?\s*$"
+"""Pattern of texts that may be numbers, for schemas."""
+
+
 def _plain(schema: JsonValue) -> JsonValue:
     """Return a schema without null as a default, with one `type` for "this or null", and with texts for numbers."""
     if isinstance(schema, list):
@@ -341,7 +345,7 @@ def _plain(schema: JsonValue) -> JsonValue:
         return inspect.cleandoc(schema) if isinstance(schema, str) else schema
     plain = {key: _plain(value) for key, value in schema.items() if not (key == "default" and value is None)}
     if plain.pop(SPELLED, False):
-        plain["type"] = [plain["type"], "string"]
+        plain |= {"type": [plain["type"], "string"], "pattern": _NUMBER_TEXT}
     if "enum" in plain:
         plain["type"] = "string"
     match plain.get("anyOf"):

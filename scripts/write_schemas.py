@@ -3,7 +3,7 @@
 
     python scripts/write_schemas.py
 
-schemas/*.schema.json (campaigns, mocks, scenarios, sensors and their noise) come from the models that read the files,
+schemas/*.schema.json (files that users write) come from the models that read the files,
 page/bodies.json from the shapes that cameras see. A test fails if one is out of date.
 """
 
@@ -18,6 +18,9 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from rosbridge_sim.campaigns.campaign_model import campaign_schema  # noqa: E402
+from rosbridge_sim.contracts.contract import CONTRACT  # noqa: E402
+from rosbridge_sim.document_reading import document_schema  # noqa: E402
+from rosbridge_sim.maps.signal_plan_file import plan_schema  # noqa: E402
 from rosbridge_sim.mock.mock_model import mock_schema  # noqa: E402
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
@@ -33,10 +36,12 @@ def schema_files() -> dict[Path, str]:
     """
     schemas = {
         "campaign": campaign_schema(),
+        "contract": document_schema(CONTRACT),
         "mock": mock_schema(),
         "scenario": scenario_schema(),
         "sensor_noise": noise_schema(),
         "sensors": rig_schema(),
+        "signal_plan": plan_schema(),
     }
     files = {
         ROOT / "schemas" / f"{name}.schema.json": json.dumps(schema, indent=2) + "\n"

@@ -26,6 +26,11 @@ def make_schema() -> Parser:
     parser = add("typescript", "tools.schema.write_typescript", text)
     parser.add_argument("package", metavar="PACKAGE", help="such as morai_msgs")
     _add_choice(parser)
+
+    parser = add("file", "tools.schema.show_file_schema", "print the JSON Schema of a file that you write, for editors")
+    parser.add_argument(
+        "name", metavar="NAME", help="campaign, contract, mock, scenario, sensor_noise, sensors or signal_plan"
+    )
     return group
 
 

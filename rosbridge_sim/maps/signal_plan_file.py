@@ -6,11 +6,11 @@ The file is JSON: for each junction its phases in turn, each with the lights tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import read_document
+from rosbridge_sim.document_reading import document_schema, read_document
 from rosbridge_sim.documents import Document, DocumentType, number_within, text_within
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
@@ -40,6 +40,11 @@ class _PlanFile(Document, frozen=True, kw_only=True):
 
 
 _PLAN: Final = DocumentType[_PlanFile](_PlanFile)
+
+
+def plan_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of these files."""
+    return {**document_schema(_PLAN), "title": "Signal plan"}
 
 
 def set_signal_plan(road_map: RoadMap, content: bytes, source: str) -> RoadMap:

@@ -20,12 +20,14 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typescript import declare_package
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.config.settings import Settings
-from rosbridge_sim.shell.files.definitions import Texts, read_definitions
+from rosbridge_sim.shell.files.definitions import SCHEMAS, Texts, read_definitions
 from rosbridge_sim.suggestions import hint
 
 Kind = Literal["msg", "srv", "action"]
 
 KINDS: tuple[Kind, ...] = ("msg", "srv", "action")
+
+SUFFIX = ".schema.json"
 
 _VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "ROS", "SCHEMA_PATH"))
 """Environment variables about definitions. Mistakes in others do not matter to this command."""
@@ -44,6 +46,19 @@ class DefinitionSources:
     release: str | None = None
     ros: str | None = None
     folders: tuple[str, ...] = ()
+
+
+def show_file_schema(name: str) -> int:
+    """Print the JSON Schema (draft 2020-12) of a kind of files.
+
+    Raises:
+        RefusedError: there is no such kind.
+    """
+    files = {path.name.removesuffix(SUFFIX): path for path in sorted(SCHEMAS.glob(f"*{SUFFIX}"))}
+    if name not in files:
+        raise RefusedError(f"expected one of {', '.join(files)}, got {safe(name)!r}{hint(name, files)}")
+    put(files[name].read_text("utf-8").rstrip())
+    return 0
 
 
 def open_store(sources: DefinitionSources) -> Store:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,22 @@ def test_usage_error_is_one_line(words: tuple[str, ...], code: int, line: str) -
 
 
 # show
+
+
+@pytest.mark.parametrize("name", ["campaign", "contract", "mock", "scenario", "sensor_noise", "sensors", "signal_plan"])
+def test_file_prints_the_json_schema_of_a_kind_of_files(name: str) -> None:
+    done = run("schema", "file", name)
+    schema = json.loads(done.out)
+    assert (done.code, done.err) == (0, "")
+    assert schema["$schema"].endswith("2020-12/schema")
+    assert schema["properties"]
+
+
+def test_file_of_another_kind_is_refused_with_the_nearest_one() -> None:
+    done = run("schema", "file", "../scenaro")
+    assert done.code != 0
+    assert "expected one of campaign, contract, mock, scenario," in done.err
+    assert "did you mean scenario?" in run("schema", "file", "scenaro").err
 
 
 @pytest.mark.parametrize("name", ["CtrlCmd", "morai_msgs/CtrlCmd", "morai_msgs/msg/CtrlCmd", "morai_msg/CtrlCmd"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+import json
 import math
 import re
 from collections.abc import Callable
@@ -16,6 +18,7 @@ from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.state.world import Kind, World
 from tests.simulator.sim_harness import make_store
+from tests.support import ROOT, miss
 
 PAGE = Path(__file__).parents[3] / "docs" / "guides" / "write_scenario.md"
 BLOCKS = {
@@ -56,6 +59,31 @@ def other(world: World, kind: Kind) -> int:
 def test_the_page_has_four_stories_in_both_forms() -> None:
     names = {"cut-in", "jaywalker", "red light", "merge"}
     assert set(BLOCKS) == {(name, kind) for name in names for kind in SUFFIX}
+
+
+SPOILT = [
+    ('"ego_within"', '"ego_witin"'),
+    ('"seconds": 2.5', '"seconds": "soon"'),
+    ('"left"', '"leftt"'),
+    ('"events": [', '"events": [3, '),
+    ('"initLinkRatio": 0.04', '"initLinkRatio": 4'),
+]
+
+
+def test_the_json_schema_takes_the_stories_and_refuses_spoilt_ones() -> None:
+    if importlib.util.find_spec("jsonschema") is None:
+        miss("needs jsonschema, which check-jsonschema brings: pip install -e '.[lint]'")
+    from jsonschema import Draft202012Validator  # type: ignore[import-untyped] # noqa: PLC0415 - of an extra
+
+    schema = json.loads((ROOT / "schemas" / "scenario.schema.json").read_text("utf-8"))
+    Draft202012Validator.check_schema(schema)
+    validator = Draft202012Validator(schema)
+    stories = {name: text for (name, kind), text in BLOCKS.items() if kind == "json"}
+    assert len(stories) == 4
+    assert all(validator.is_valid(json.loads(text)) for text in stories.values())
+    for good, bad in SPOILT:
+        assert good in stories["cut-in"]
+        assert not validator.is_valid(json.loads(stories["cut-in"].replace(good, bad, 1))), bad
 
 
 @pytest.mark.parametrize("kind", SUFFIX)
