@@ -28,7 +28,7 @@ RARE = {
         "rosbridge_sim.graph.ros2.cdr_types",
         "xmlrpc",
     ),
-    *("rosbridge_sim.shell.ros1", "rosbridge_sim.shell.ros2"),
+    *("rosbridge_sim.shell.ros1", "rosbridge_sim.shell.ros2", "rosbridge_sim.maps.opendrive"),
     *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.module_joining"),
     *("rosbridge_sim.campaigns", "rosbridge_sim.cli", "rosbridge_sim.environments", "rosbridge_sim.shell.rendering"),
 }

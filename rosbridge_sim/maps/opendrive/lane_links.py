@@ -82,26 +82,15 @@ def find_followers(roads: Mapping[str, Road], junctions: Collection[Junction], p
             told[_NARROW][f"{pieces[first].name} -> {pieces[last].name}"] = None
         else:
             found[first][last] = None
-    for first, last in list(_find_meeting(roads, pieces, found)):
-        found[first][last] = None
-        told[_GUESSED][f"{pieces[first].name} -> {pieces[last].name}"] = None
     notes = [tell(what, list(names)) for what, names in told.items() if names]
     return Follows(*_measure_joins(pieces, [list(each) for each in found], notes))
 
 
-_LOST, _TURNED, _NARROW, _GUESSED = _REMARKS = (
+_LOST, _TURNED, _NARROW = _REMARKS = (
     "links to roads and lanes that are not there",
     "links name the wrong end of a road; the near one is taken",
     "links at the end of a lane where it has no width are left out",
-    "lanes without a link follow one another because they meet and their roads are linked",
 )
-
-
-MEET: Final = 0.5
-"""A lane without a link is followed by one that begins this near to its end, on a linked road [m]."""
-
-MAX_MEETING: Final = 16
-"""Lanes that begin at one place, of which it may be one."""
 
 
 def _row(rows: _Rows, end: LaneEnd) -> int:
@@ -132,32 +121,6 @@ def _other_end(roads: Mapping[str, Road], end: LaneEnd) -> LaneEnd:
     """Return the end of the lane with the same id at the other end of the road."""
     last = len(roads[end.road].sections) - 1
     return LaneEnd(end.road, last if end.is_start else 0, end.lane, not end.is_start)
-
-
-def _find_meeting(
-    roads: Mapping[str, Road], pieces: Sequence[LanePiece], found: Sequence[Collection[int]]
-) -> Iterator[tuple[int, int]]:
-    """Yield lanes that nothing follows, and those that begin there on a road that the file links with theirs."""
-    linked: dict[str, set[str]] = defaultdict(set)
-    for road in roads.values():
-        for end in (road.before, road.after):
-            if end is not None and end.road:
-                linked[road.id].add(end.road)
-                linked[end.road].add(road.id)
-    starts: dict[tuple[int, int], list[int]] = defaultdict(list)
-    for row, piece in enumerate(pieces):
-        if not piece.is_cut[0]:
-            starts[int(piece.line[0, 0] // MEET), int(piece.line[0, 1] // MEET)].append(row)
-    for row, piece in enumerate(pieces):
-        if found[row] or piece.is_cut[1]:
-            continue
-        x, y = (int(each // MEET) for each in piece.line[-1, :2].tolist())
-        around = [starts.get((x + i, y + j), ())[:MAX_MEETING] for i in (-1, 0, 1) for j in (-1, 0, 1)]
-        for other in (each for own in around for each in own if pieces[each].road in linked[piece.road]):
-            ahead = [line[1, :2] - line[0, :2] for line in (piece.line[-2:], pieces[other].line)]
-            is_near = float(np.linalg.norm(pieces[other].line[0] - piece.line[-1])) < MEET
-            if is_near and float(ahead[0] @ ahead[1]) > 0.0:
-                yield row, other
 
 
 def _touching(  # noqa: C901 - records of lanes lie four levels deep

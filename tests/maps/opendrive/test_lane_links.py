@@ -81,29 +81,8 @@ def test_lane_that_only_the_near_end_of_the_other_road_has_is_taken_there() -> N
     wide, narrow = section([lane(0), lane(-1), lane(-2)]), section([lane(0), lane(-1)], 50.0)
     other = road("2", plan=geometry(x=100.0), sections=wide + narrow)
     road_map = read(road("1", sections=lanes, links=joined("successor", "road", "2", "end")), other)
-    assert follows(road_map) == {"1.0.-1": ["2.0.-1"], "1.0.-2": ["2.0.-2"]}  # the first one because they meet
+    assert follows(road_map) == {"1.0.-2": ["2.0.-2"]}
     assert any("the near one is taken: road 1 - road 2" in note for note in road_map.notes)
-
-
-@pytest.mark.parametrize(
-    ("x", "hdg", "links", "is_linked"),
-    [
-        (100.1, 0.0, joined("predecessor", "road", "1", "end"), True),  # a roundabout of MORAI's early exporter
-        (100.1, 0.0, "", False),
-        (100.6, 0.0, joined("predecessor", "road", "1", "end"), False),
-        (100.1, math.pi, joined("predecessor", "road", "1", "end"), False),
-    ],
-)
-def test_lanes_without_a_link_follow_where_they_meet_on_linked_roads(
-    x: float,
-    hdg: float,
-    links: str,
-    is_linked: bool,  # noqa: FBT001
-) -> None:
-    other = road("2", plan=geometry(x=x, hdg=hdg, y=-3.5 if hdg else 0.0), links=links)
-    road_map = read(road("1"), other)
-    assert follows(road_map) == ({"1.0.-1": ["2.0.-1"]} if is_linked else {})
-    assert any("they meet and their roads are linked: 1.0.-1 -> 2.0.-1" in n for n in road_map.notes) == is_linked
 
 
 def test_gaps_are_told_and_lanes_that_are_torn_do_not_follow() -> None:
