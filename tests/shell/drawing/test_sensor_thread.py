@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import asyncio
-import subprocess
-import sys
 import threading
 from collections.abc import Sequence
 
@@ -19,6 +17,7 @@ from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.picture_sensor import Shot
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
+from tests import fork_server
 from tests.simulator.sensors.analytic_makers import FormulaDrawer, make_makers
 
 CAMERA = CameraSpec(width=16, height=12)
@@ -100,14 +99,7 @@ async def test_library_that_is_missing_is_named() -> None:
         "sys.exit(main())\n"
     )
     for choice, what in (("camera", "cameras need the library moderngl"), ("lidar", "lidars need the library embreex")):
-        done = await asyncio.to_thread(
-            subprocess.run,
-            [sys.executable, "-c", program, choice],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=False,
-        )
+        done = await asyncio.to_thread(fork_server.run, ["-c", program, choice])
         assert done.returncode == 2
         assert f"{what}: pip install 'rosbridge-sim[sensors]'" in done.stderr
         assert "Traceback" not in done.stderr

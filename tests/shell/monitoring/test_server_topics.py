@@ -94,17 +94,17 @@ async def test_rosout_has_the_type_of_the_ros_version() -> None:
         assert line["stamp"]["sec"] > 1_700_000_000
 
 
-async def test_stalled_client_is_counted_and_ten_others_are_unaffected() -> None:
+async def test_stalled_client_is_counted_and_others_are_unaffected() -> None:
     async with Simulator(port=0, world=False, outbox_burst=10, outbox_size=100_000) as sim, AsyncExitStack() as stack:
         assert sim.bus is not None
         _, writer = await open_raw(sim.port)  # nobody ever reads from it
         writer.write(mask(json.dumps({"op": "subscribe", "topic": "/big", "type": "std_msgs/String"})))
         talker = await stack.enter_async_context(await Client.open(sim.url))
         await talker.send("advertise", topic="/big", type="std_msgs/String")
-        live = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(10)]
+        live = [await stack.enter_async_context(await Client.open(sim.url)) for _ in range(3)]
         for client in live:
             await client.subscribe("/big", type="std_msgs/String")
-        while len(sim.bus.topics["/big"].subscriptions) < 11:
+        while len(sim.bus.topics["/big"].subscriptions) < 4:
             await talker.settle()
         for i in range(400):
             await talker.send("publish", topic="/big", msg={"data": f"{i}:" + "x" * 50_000})
