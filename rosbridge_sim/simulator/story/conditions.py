@@ -12,13 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace
 from rosbridge_sim.scenarios.openscenario.story import ELEMENT_TYPES
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
-from rosbridge_sim.scenarios.openscenario.storyboard import Storyboard
-from rosbridge_sim.simulator.story.cast import Cast, StoryActor
-from rosbridge_sim.simulator.story.measures import Measures
+from rosbridge_sim.simulator.story.cast import StoryActor
+from rosbridge_sim.simulator.story.stage import Stage
 from rosbridge_sim.world.state.world import Kind
 
 EQUAL: Final = 1e-6
@@ -33,25 +31,6 @@ TOUCHES: Final[Mapping[str, Kind]] = {
 """Types of `ByType`."""
 
 
-class StoryView(Record, eq=False):
-    """The scene that conditions look at.
-
-    Attributes:
-        values: of variables and parameters, by name.
-        light: returns whether the light of a name is in a state.
-        phase: returns whether the controller of a name is in a phase.
-        time: since the start of the story [s].
-    """
-
-    cast: Cast
-    measures: Measures
-    board: Storyboard
-    values: Mapping[str, str]
-    light: Callable[[str, str], bool]
-    phase: Callable[[str, str], bool]
-    time: Callable[[], float]
-
-
 def compare(rule: str, figure: float, value: float) -> bool:
     """Return whether a figure fulfils a rule; NaN fulfils none."""
     if math.isnan(figure):
@@ -61,7 +40,7 @@ def compare(rule: str, figure: float, value: float) -> bool:
     return rule == "notEqualTo" or rule.startswith("greater" if figure > value else "less")
 
 
-def measure(scene: StoryView, condition: StoryItem) -> tuple[bool, float]:
+def measure(scene: Stage, condition: StoryItem) -> tuple[bool, float]:
     """Return whether a `Condition` holds now, without edge and delay, and the figure that it compares; NaN for none."""
     item = condition.part("ByEntityCondition", "ByValueCondition")
     if item.kind == "ByValueCondition":
@@ -92,37 +71,37 @@ def _speed_of(actor: StoryActor, direction: str | None) -> float:
     return 0.0 if direction == "vertical" else actor.speed
 
 
-def _speed(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
+def _speed(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
     return _by_rule(item, _speed_of(actor, item.get("direction")))
 
 
-def _relative_speed(scene: StoryView, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
+def _relative_speed(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
     other = scene.cast.find(item["entityRef"])
     direction = item.get("direction")
     return _by_rule(item, _speed_of(actor, direction) - _speed_of(other, direction))
 
 
-def _acceleration(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
+def _acceleration(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
     return _by_rule(item, actor.accel if item.get("direction", "longitudinal") == "longitudinal" else 0.0)
 
 
-def _stand_still(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
+def _stand_still(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
     return actor.still >= max(item["duration"], EQUAL) - EQUAL, actor.still
 
 
-def _end_of_road(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
+def _end_of_road(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
     return actor.at_end >= max(item["duration"], EQUAL) - EQUAL, actor.at_end
 
 
-def _off_road(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
+def _off_road(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
     return actor.off_road >= max(item["duration"], EQUAL) - EQUAL, actor.off_road
 
 
-def _travelled(_: StoryView, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
+def _travelled(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
     return actor.travelled >= item["value"], actor.travelled
 
 
-def _collision(scene: StoryView, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
+def _collision(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
     world, touched = scene.cast.world, scene.cast.touching.get(actor.uid, [])
     reference, kind = item.find("EntityRef"), item.find("ByType")
     if reference is not None:
@@ -132,30 +111,30 @@ def _collision(scene: StoryView, item: StoryItem, _: str, actor: StoryActor) -> 
     return bool(touched), float(len(touched))
 
 
-def _place_of(scene: StoryView, item: StoryItem) -> MapPlace:
+def _place_of(scene: Stage, item: StoryItem) -> MapPlace:
     return scene.cast.map.find_place(item.part("Position"), scene.cast.locate)
 
 
-def _reach(scene: StoryView, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
+def _reach(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
     place = _place_of(scene, item)
     away = math.dist((actor.x, actor.y, actor.z), (place.x, place.y, place.z))
     return away <= item["tolerance"], away
 
 
-def _distance(scene: StoryView, item: StoryItem, name: str, _: StoryActor) -> tuple[bool, float]:
+def _distance(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> tuple[bool, float]:
     return _by_rule(item, abs(scene.measures.to_place(name, _place_of(scene, item), item)))
 
 
-def _relative_distance(scene: StoryView, item: StoryItem, name: str, _: StoryActor) -> tuple[bool, float]:
+def _relative_distance(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> tuple[bool, float]:
     return _by_rule(item, abs(scene.measures.to_entity(name, item["entityRef"], item)))
 
 
-def _headway(scene: StoryView, item: StoryItem, name: str, actor: StoryActor) -> tuple[bool, float]:
+def _headway(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> tuple[bool, float]:
     away = scene.measures.to_entity(name, item["entityRef"], item)
     return _by_rule(item, away / actor.speed if away >= 0.0 and actor.speed > EQUAL else math.nan)
 
 
-def _time_to_collision(scene: StoryView, item: StoryItem, name: str, actor: StoryActor) -> tuple[bool, float]:
+def _time_to_collision(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> tuple[bool, float]:
     target = item.part("TimeToCollisionConditionTarget").part()
     if target.kind == "EntityRef":
         away = scene.measures.to_entity(name, target["entityRef"], item)
@@ -177,7 +156,7 @@ def _as_number(text: str) -> float:
         return math.nan
 
 
-def _value(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
+def _value(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     text = scene.values[item.get("variableRef", item.get("parameterRef", ""))]
     figure, wanted = _as_number(text), _as_number(item["value"])
     if math.isnan(figure) or math.isnan(wanted):
@@ -186,24 +165,24 @@ def _value(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
     return compare(item["rule"], figure, wanted), figure
 
 
-def _time(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
+def _time(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     return _by_rule(item, scene.time())
 
 
-def _state(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
+def _state(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     kind = ELEMENT_TYPES[item["storyboardElementType"]]
     return scene.board.seen(kind, item["storyboardElementRef"], item["state"]), math.nan
 
 
-def _light(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
+def _light(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     return scene.light(item["name"], item["state"]), math.nan
 
 
-def _phase(scene: StoryView, item: StoryItem) -> tuple[bool, float]:
+def _phase(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     return scene.phase(item["trafficSignalControllerRef"], item["phase"]), math.nan
 
 
-OF_ENTITY: Final[Mapping[str, Callable[[StoryView, StoryItem, str, StoryActor], tuple[bool, float]]]] = {
+OF_ENTITY: Final[Mapping[str, Callable[[Stage, StoryItem, str, StoryActor], tuple[bool, float]]]] = {
     "SpeedCondition": _speed,
     "RelativeSpeedCondition": _relative_speed,
     "AccelerationCondition": _acceleration,
@@ -218,7 +197,7 @@ OF_ENTITY: Final[Mapping[str, Callable[[StoryView, StoryItem, str, StoryActor], 
     "TimeHeadwayCondition": _headway,
     "TimeToCollisionCondition": _time_to_collision,
 }
-OF_VALUE: Final[Mapping[str, Callable[[StoryView, StoryItem], tuple[bool, float]]]] = {
+OF_VALUE: Final[Mapping[str, Callable[[Stage, StoryItem], tuple[bool, float]]]] = {
     "ParameterCondition": _value,
     "VariableCondition": _value,
     "SimulationTimeCondition": _time,

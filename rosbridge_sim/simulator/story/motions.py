@@ -22,9 +22,9 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace
 from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
-from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, Cast, StoryActor
-from rosbridge_sim.simulator.story.measures import Measures
-from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Body
+from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, StoryActor
+from rosbridge_sim.simulator.story.stage import Stage
+from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED
 
 LATERAL_ACCEL: Final = 0.5
 """Greatest lateral acceleration of a change of the offset that gives none [m/s^2]: an unhurried lane change."""
@@ -67,20 +67,6 @@ class Running:
     entity: str
     numbers: dict[str, float] = field(default_factory=dict)
     points: list[tuple[float, ...]] = field(default_factory=list)
-
-
-class Stage(Record, eq=False):
-    """The scene that actions look at.
-
-    Attributes:
-        bodies: of the actors, by name.
-        time: since the start of the story [s].
-    """
-
-    cast: Cast
-    measures: Measures
-    bodies: Mapping[str, Body]
-    time: Callable[[], float]
 
 
 Begin = Callable[[Stage, StoryItem, StoryActor, Running], bool]
@@ -193,12 +179,9 @@ def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Ru
 
 def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Plan the speeds: points are time [s], speed [m/s] and acceleration [m/s^2] of the knots, and zeros."""
-    speed, time, lines = actor.speed, 0.0, []
-    limits, is_exact = item.find("DynamicConstraints"), item["followingMode"] == "position"
-    up, down = (
-        NO_LIMIT if is_exact or limits is None else limits.get(key, NO_LIMIT)
-        for key in ("maxAccelerationRate", "maxDecelerationRate")
-    )
+    speed, time, lines, is_exact = actor.speed, 0.0, [], item["followingMode"] == "position"
+    rates = (_limit(item, key) for key in ("maxAccelerationRate", "maxDecelerationRate"))
+    up, down = (NO_LIMIT, NO_LIMIT) if is_exact else rates
     for entry in item.all("SpeedProfileEntry"):
         change, length = _bounded(entry["speed"]) - speed, entry.get("time", -1.0)
         if length < 0.0 or not is_exact:
@@ -210,7 +193,7 @@ def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Ru
         time, speed = time + length, speed + change
     running.points = [(*knot, 0.0, 0.0, 0.0) for knot in _knots(actor.speed, [*lines, (time, speed, 0.0)], up, down)]
     running.numbers = {"at": 0.0}
-    return not lines or actor.mode == PROGRAM
+    return not lines
 
 
 def _knots(speed: float, lines: Sequence[tuple[float, ...]], up: float, down: float) -> list[tuple[float, ...]]:
@@ -251,11 +234,15 @@ def _advance_profile(_stage: Stage, _item: StoryItem, actor: StoryActor, running
 
 def _fastest(stage: Stage, item: StoryItem, running: Running, change: float) -> float:
     """Return the least time of a change of speed within the limits [s]."""
-    limits = item.find("DynamicConstraints")
     body = stage.bodies[running.entity]
     key, most = ("maxAcceleration", body.max_accel) if change > 0.0 else ("maxDeceleration", body.max_decel)
-    given = NO_LIMIT if limits is None else limits.get(key, NO_LIMIT)
-    return abs(change) / max(min(given, most or NO_LIMIT), 1e-3)
+    return abs(change) / max(min(_limit(item, key), most or NO_LIMIT), 1e-3)
+
+
+def _limit(item: StoryItem, key: str, default: float = NO_LIMIT) -> float:
+    """Return a limit of an action's `DynamicConstraints`."""
+    limits = item.find("DynamicConstraints")
+    return default if limits is None else float(limits.get(key, default))
 
 
 # Distances
@@ -264,8 +251,8 @@ def _fastest(stage: Stage, item: StoryItem, running: Running, change: float) -> 
 def _begin_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Keep a distance to another entity; without limits the actor is there at once."""
     running.numbers = {"accel": 0.0}
-    if item.find("DynamicConstraints") is not None or actor.mode == PROGRAM:
-        return actor.mode == PROGRAM
+    if item.find("DynamicConstraints") is not None:
+        return False
     _jump(stage, item, actor, running)
     return not item["continuous"]
 
@@ -293,20 +280,19 @@ def _gap_error(stage: Stage, item: StoryItem, running: Running) -> float:
 
 
 def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    limits = item.find("DynamicConstraints")
-    if limits is None:
+    if item.find("DynamicConstraints") is None:
         _jump(stage, item, actor, running)
         return False
     reference = stage.cast.find(item["entityRef"])
     error = _gap_error(stage, item, running)
-    spring = SPRING * min(limits.get("maxAcceleration", DEFAULT_ACCEL), MAX_PULL)
+    spring = SPRING * min(_limit(item, "maxAcceleration", DEFAULT_ACCEL), MAX_PULL)
     accel = spring * error + 2.0 * math.sqrt(spring) * (reference.speed - actor.speed)
-    accel = max(-limits.get("maxDeceleration", NO_LIMIT), min(limits.get("maxAcceleration", NO_LIMIT), accel))
+    accel = max(-_limit(item, "maxDeceleration"), min(_limit(item, "maxAcceleration"), accel))
     before = running.numbers["accel"]
-    up, down = (limits.get(key, NO_LIMIT) * STORY_STEP for key in ("maxAccelerationRate", "maxDecelerationRate"))
+    up, down = (_limit(item, key) * STORY_STEP for key in ("maxAccelerationRate", "maxDecelerationRate"))
     # Brakes and throttle may be released at any rate, as in esmini.
     accel = running.numbers["accel"] = min(before + up, accel) if accel > 0.0 else max(before - down, accel)
-    actor.speed = max(0.0, min(limits.get("maxSpeed", NO_LIMIT), _bounded(actor.speed + accel * STORY_STEP)))
+    actor.speed = max(0.0, min(_limit(item, "maxSpeed"), _bounded(actor.speed + accel * STORY_STEP)))
     if item["continuous"] or abs(error) >= NEAR or abs(reference.speed - actor.speed) >= NEAR:
         return False
     actor.speed = reference.speed
@@ -315,7 +301,7 @@ def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
 
 def _begin_side(_stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
     running.numbers = {"rate": 0.0}
-    return actor.mode == PROGRAM or actor.lane < 0
+    return actor.lane < 0
 
 
 def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
@@ -326,9 +312,7 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
         wanted += stage.measures.half_widths(running.entity, item["entityRef"])
     side = {"leftToReferencedEntity": -1.0, "rightToReferencedEntity": 1.0}
     error = left - side.get(item.get("displacement", "any"), math.copysign(1.0, left)) * wanted
-    limits = item.find("DynamicConstraints")
-    fastest = NO_LIMIT if limits is None else limits.get("maxSpeed", NO_LIMIT)
-    most = NO_LIMIT if limits is None else limits.get("maxAcceleration", NO_LIMIT)
+    fastest, most = _limit(item, "maxSpeed"), _limit(item, "maxAcceleration")
     if most < NO_LIMIT:
         spring = SPRING * min(most, MAX_PULL)
         accel = max(-most, min(most, spring * error - 2.0 * math.sqrt(spring) * running.numbers["rate"]))
@@ -344,8 +328,6 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
 
 
 def _begin_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    if actor.mode == PROGRAM:
-        return True
     if actor.lane < 0:
         raise DocumentError("it is on no lane")
     target = item.part("LaneChangeTarget").part()
@@ -389,8 +371,6 @@ def _advance_change(_stage: Stage, item: StoryItem, actor: StoryActor, running: 
 
 
 def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    if actor.mode == PROGRAM:
-        return True
     dynamics, target = item.part("LaneOffsetActionDynamics"), item.part("LaneOffsetTarget").part()
     goal = target["value"] * actor.direction
     if target.kind == "RelativeTargetLaneOffset":
@@ -411,9 +391,7 @@ def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: 
 # Trajectories
 
 
-def _begin_trajectory(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    if actor.mode == PROGRAM:
-        return True
+def _begin_trajectory(stage: Stage, item: StoryItem, _actor: StoryActor, running: Running) -> bool:
     reference = item.find("TrajectoryRef")
     trajectory = (item if reference is None else reference).find("Trajectory")
     if trajectory is None:
@@ -471,7 +449,7 @@ def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, runni
 # Routes, places, drivers
 
 
-def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     """Take a route: its first waypoint is where it begins, or the actor's own place."""
     story_map = stage.cast.map
     if item.kind == "AcquirePositionAction":
@@ -483,20 +461,17 @@ def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
         places.insert(0, actor.on_lane)
     if len(places) > 1:
         actor.route = story_map.find_way(places[0], places[1:])
-    del running
     return True
 
 
-def _begin_teleport(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_teleport(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     stage.cast.put(actor, stage.cast.map.find_place(item.part("Position"), stage.cast.locate))
     stage.cast.show(actor)
-    del running
     return True
 
 
-def _begin_controller(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_controller(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     """Hand an actor over to a driver of the world, or take it back; nothing that is overridden is driven here."""
-    del running
     parts = [item, *item.parts]
     for part in parts:
         on = [part.get(key) for key in ("lateral", "longitudinal", "activateLateral", "activateLongitudinal")]
@@ -529,7 +504,7 @@ def _begin_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Runni
     other = cast.map.find_place(item.part("TargetPositionMaster"), cast.locate)
     running.points = [(own.x, own.y, own.z, own.yaw, 0.0, 0.0), (other.x, other.y, other.z, other.yaw, 0.0, 0.0)]
     running.numbers = {"accel": 0.0}
-    return actor.mode == PROGRAM or master is actor
+    return master is actor
 
 
 def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:

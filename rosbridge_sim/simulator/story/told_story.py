@@ -26,9 +26,10 @@ from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES
 from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STANDS, STORY, STORY_STEP, Cast, StoryActor
-from rosbridge_sim.simulator.story.conditions import StoryView, measure
+from rosbridge_sim.simulator.story.conditions import measure
 from rosbridge_sim.simulator.story.measures import Measures
-from rosbridge_sim.simulator.story.motions import MOTIONS, Running, Stage
+from rosbridge_sim.simulator.story.motions import MOTIONS, Running
+from rosbridge_sim.simulator.story.stage import Stage
 from rosbridge_sim.world.state.placement import set_speed
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, Kind
 
@@ -126,11 +127,8 @@ class ToldStory:
         self._keep(list(state.running))
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
         self._cast = Cast(self._world, self._map, state.actors, self.story.holds)
-        measures = Measures(self._cast, bodies)
-        self._stage = Stage(self._cast, measures, bodies, self.time)
-        self._looks = StoryView(
-            self._cast, measures, self.board, state.values, self._shows, self._is_in_phase, self.time
-        )
+        sees = self._shows, self._is_in_phase, self.time
+        self._stage = Stage(self._cast, Measures(self._cast, bodies), bodies, self.board, state.values, *sees)
 
     def _link(self) -> None:
         """Find the actors in the world, by their names."""
@@ -246,7 +244,7 @@ class ToldStory:
 
     def measure(self, condition: StoryItem) -> tuple[bool, float]:
         """See `Host`."""
-        return measure(self._looks, condition)
+        return measure(self._stage, condition)
 
     def begin(self, number: int) -> None:
         """See `Host`. Global actions act at once, so that later triggers see it; private ones behind all triggers."""
@@ -286,6 +284,8 @@ class ToldStory:
             return
         if actor.uid < 0:
             raise DocumentError(f"{printable(name, 60)} is not in the world")
+        if actor.mode == PROGRAM and motion.domains and item.kind != "SpeedAction":
+            return  # the user's program moves it
         running = Running(number, name)
         if motion.domains and actor.mode == DRIVER:
             actor.mode = STORY
