@@ -178,7 +178,7 @@ export const TEXTS = {
     mode: "Control mode",
     driver: "Driver",
     /** @type {Record<string, string>} */
-    drivers: { "self-driving": "drives itself", replay: "a recording", nobody: "nobody", simulator: "the simulator" },
+    drivers: { "self-driving": "drives itself", replay: "a recording", story: "the story", nobody: "nobody", simulator: "the simulator" },
     headerDriver: (/** @type {string} */ driver) => `Driver: ${driver}`,
     headerActivity: (/** @type {number} */ number, /** @type {string} */ does) => `Ego${number > 1 ? ` ${number}` : ""}: ${does}`,
     activities: { drives: "drives", reverses: "reverses", brakes: "brakes", waits: "waits for a command", red: "stands at red", stands: "stands" },

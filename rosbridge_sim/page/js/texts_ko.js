@@ -200,7 +200,7 @@ export const KOREAN = {
     brake: "브레이크",
     mode: "제어 모드",
     driver: "운전자",
-    drivers: { "self-driving": "자율주행", replay: "녹화 재생", nobody: "없음", simulator: "시뮬레이터" },
+    drivers: { "self-driving": "자율주행", replay: "녹화 재생", story: "스토리", nobody: "없음", simulator: "시뮬레이터" },
     headerDriver: (driver) => `운전자: ${driver}`,
     headerActivity: (number, does) => `Ego${number > 1 ? ` ${number}` : ""}: ${does}`,
     activities: { drives: "주행 중", reverses: "후진 중", brakes: "제동 중", waits: "명령 대기", red: "빨간불에 정지", stands: "정지" },

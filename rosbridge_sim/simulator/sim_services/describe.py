@@ -122,7 +122,7 @@ class Describe(Component):
                 return behaviour, "simulator"
             return behaviour, "replay" if scene.is_replaying else "client"
         if ego.moved_by:
-            return behaviour, "replay"
+            return behaviour, "story" if ego.moved_by == "story" else "replay"
         if ego.ctrl_mode is CtrlMode.AUTONOMOUS:
             return behaviour, "self-driving"
         return behaviour, "nobody" if ego.commander is None else "client"

@@ -87,7 +87,7 @@ class Drivers(Component):
     def _ego_values(self, ego: Ego) -> _EgoFields:
         client = "" if ego.commander is None else address_of(ego.commander)
         if ego.moved_by:
-            driver = "replay"
+            driver = "story" if ego.moved_by == "story" else "replay"
         elif ego.ctrl_mode is CtrlMode.AUTONOMOUS:
             driver = "self-driving"
         else:

@@ -125,6 +125,8 @@ class Stories(Component):
 
     def _move(self) -> None:
         if self.told is not None and not self._context.scene.is_replaying:
+            if self.told.story.text.drives_ego:
+                self._hold_ego(is_held=True)  # the end of a replay gives it back to clients
             self.told.move()
 
     def _tell(self, _now: float) -> None:

@@ -146,6 +146,18 @@ def test_another_scenario_ends_the_story_and_gives_the_ego_back() -> None:
     assert hashes(telling, 5)
 
 
+def test_an_ego_that_the_story_drives_says_so_and_stays_with_it_behind_a_replay() -> None:
+    telling = Telling(TEXT)
+    client = Client(telling.node.context.bus, "me")
+    values = client.call("/sim/describe", {"id": 0}).values
+    assert isinstance(values, Message)
+    assert json.loads(values.json)["controlled_by"] == "story"
+    ego = telling.node.context.egos.first
+    ego.moved_by = ""  # as a replay leaves it
+    telling.run(0.02)
+    assert ego.moved_by == "story"
+
+
 def test_a_story_is_loaded_whole() -> None:
     context = Telling(TEXT).node.context
     with pytest.raises(DocumentError, match="a story is loaded whole"):
