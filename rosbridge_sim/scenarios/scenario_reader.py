@@ -167,8 +167,8 @@ def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse
 
     return replace(
         scenario,
-        egos=tuple(_each(scenario.egos, place, notify)),
-        vehicles=tuple(_each(scenario.vehicles, lambda spawn: take_lane(place(spawn)), notify)),
+        egos=tuple(_all(scenario.egos, place, notify)),
+        vehicles=tuple(_all(scenario.vehicles, lambda spawn: take_lane(place(spawn)), notify)),
         spawn_points=find_places(scenario.spawn_points, roads, lambda text: _note(notes, text)),
         notes=tuple(notes),
     )
@@ -188,11 +188,6 @@ def _check_room(scenario: Scenario, roads: Roads) -> None:
             f" {USUAL_VEHICLES:,} need {ROOM_PER_VEHICLE:g} m of lane each, because crowds of vehicles that overlap"
             f" slow each step down; the lanes have {length / 1000:,.1f} km"
         )
-
-
-def _each(items: Iterable[T], work: Callable[[T], Spawn], notify: OnMistake) -> Iterator[Spawn]:
-    """Do as `_all` does, for agents."""
-    return _all(items, work, notify)
 
 
 def _all(items: Iterable[T], work: Callable[[T], R], notify: OnMistake) -> Iterator[R]:
@@ -289,7 +284,7 @@ class _Reader:
         document = self._document
         # In the order of the document: if two items have one id, the first keeps it.
         ego = () if document.egoVehicle is None else (document.egoVehicle,)
-        egos = tuple(_each(ego, self._ego, self._tell))
+        egos = tuple(_all(ego, self._ego, self._tell))
         vehicles = self._items("vehicleList", document.vehicleList, self._vehicle)
         people = self._items("pedestrianList", document.pedestrianList, self._pedestrian)
         obstacles = self._items("objectList", document.objectList, self._obstacle)
@@ -306,7 +301,7 @@ class _Reader:
 
     def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
         numbered = enumerate(items or ())
-        return tuple(_each(numbered, lambda entry: read(f"{key}[{entry[0]}]", entry[1]), self._tell))
+        return tuple(_all(numbered, lambda entry: read(f"{key}[{entry[0]}]", entry[1]), self._tell))
 
     def _ego(self, item: EgoVehicle) -> Spawn:
         where = "egoVehicle"
