@@ -68,7 +68,16 @@ class Surface:
         roads: at least one lane.
     """
 
-    __slots__ = ("_grid", "_is_first", "_is_last", "_roads", "_slope_at_end", "_slope_at_start")
+    __slots__ = (
+        "_bank_at_start",
+        "_bank_change",
+        "_grid",
+        "_is_first",
+        "_is_last",
+        "_roads",
+        "_slope_at_end",
+        "_slope_at_start",
+    )
 
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
@@ -77,6 +86,8 @@ class Surface:
         self._grid = BlockGrid(low, high, REACH, CELL)
         self._is_first = np.diff(segments.lane, prepend=-1) != 0
         self._is_last = np.diff(segments.lane, append=-1) != 0
+        self._bank_at_start = roads.bank[segments.point]
+        self._bank_change = roads.bank[segments.point + 1] - self._bank_at_start
         # Half of the change of slope at both ends of each segment; none at the ends of a lane.
         half = 0.5 * np.diff(segments.slope, append=0.0)
         half[self._is_last] = 0.0
@@ -168,10 +179,10 @@ class Surface:
 
     def _bank(self, segment: IntArray, along: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the bank of the left and of the right half of the lane, (n,) each."""
-        roads = self._roads
-        point, share = roads.segments.point[segment], along / roads.segments.length[segment]
-        start, end = roads.bank[point], roads.bank[point + 1]
-        return start[:, 0] + share * (end[:, 0] - start[:, 0]), start[:, 1] + share * (end[:, 1] - start[:, 1])
+        share = along / self._roads.segments.length.take(segment)
+        bank = self._bank_at_start.take(segment, axis=0)
+        bank += share[:, None] * self._bank_change.take(segment, axis=0)
+        return bank[:, 0], bank[:, 1]
 
     def _rise_across(self, segment: IntArray, along: FloatArray, lateral: FloatArray) -> FloatArray:
         """Return how far the ground is above the line of the lane beside it, (n,) [m]."""
