@@ -183,18 +183,20 @@ class _Driven(MovedRows):
 
     def __init__(self, world: WorldRows) -> None:
         super().__init__(world, _find_driven(world))
-        self._last = b""
+        self._at_rest = b""
         first, last = (self.rows[0], self.rows[-1] + 1) if self.num else (0, 0)
         self._now = world.block("target", "speed")[:, first:last] if last - first <= FEW else None
 
     def advance(self, dt: float) -> None:
         """Move the rows by `dt` [s]."""
-        if self._now is not None:
-            bits = self._now.tobytes()
-            if bits == self._last and dt == self.dt:  # cars that stand: the last step has changed nothing
-                return
-            self._last = bits
-        super().advance(dt)
+        if self._now is None:
+            super().advance(dt)
+            return
+        bits = self._now.tobytes()
+        if bits != self._at_rest or dt != self.dt:
+            super().advance(dt)
+            # Cars that stand: the step has changed nothing, so it need not be done again.
+            self._at_rest = bits if self._now.tobytes() == bits else b""
 
     def write_program(self) -> None:
         """Add the calls of a step; see the head of this file for the equations."""

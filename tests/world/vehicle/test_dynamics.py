@@ -467,3 +467,18 @@ def test_pure_pursuit_keeps_the_rear_axle_on_a_winding_road(kmh: float) -> None:
         pytest.fail("the end of the road was not reached")
     assert world.speed[0] == pytest.approx(kmh / 3.6)
     assert worst < 0.3
+
+
+@pytest.mark.parametrize("throttle", [0.0, 0.5])
+def test_car_that_is_put_back_in_each_step_moves_in_each_step(throttle: float) -> None:
+    world = ego()
+    pedals(world, throttle=throttle)
+    before, moved = world.block("target", "speed").copy(), []
+    for _ in range(4):
+        drive(world, DT)
+        moved.append(world.x[0])
+        world.block("target", "speed")[:] = before  # as something else may do within a step, without a `touch`
+    assert len(set(moved)) == 1
+    assert (moved[0] > 0.0) == (throttle > 0.0)
+    drive(world, 2.0 * DT)
+    assert (world.x[0] > moved[0]) == (throttle > 0.0)
