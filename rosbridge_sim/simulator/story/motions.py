@@ -191,7 +191,8 @@ def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Ru
         length = max(length, SOON if change else 0.0)
         lines.append((time, speed, change / length if length else 0.0))
         time, speed = time + length, speed + change
-    running.points = [(*knot, 0.0, 0.0, 0.0) for knot in _knots(actor.speed, [*lines, (time, speed, 0.0)], up, down)]
+    knots = _knots(actor.speed, [*lines, (time, speed, 0.0)], up, down)
+    running.points = [(*(max(-NO_LIMIT, min(NO_LIMIT, each)) for each in knot), 0.0, 0.0, 0.0) for knot in knots]
     running.numbers = {"at": 0.0}
     return not lines
 

@@ -27,6 +27,7 @@ from tests.simulator.story.story_texts import (
     group,
     lane_change,
     link,
+    longitudinal,
     routing,
     scenario_of,
     speed,
@@ -91,6 +92,25 @@ def test_a_snapshot_of_another_process_is_read_and_goes_on() -> None:
     parsed = there.parse(plain, lambda _: other.node.context.scene.road_map)
     there.restore(parsed, 0.0, expected_hash=state.hash(), before_undo=lambda: None)
     assert hashes(other, 60) == hashes(one, 60)
+
+
+def test_actions_with_the_largest_numbers_are_saved_and_go_on() -> None:
+    limits = '<DynamicConstraints maxAccelerationRate="1" maxDecelerationRate="0"/>'
+    entries = f'{limits}<SpeedProfileEntry speed="1e9"/><SpeedProfileEntry time="1e9" speed="-5"/>'
+    profile = longitudinal(f'<SpeedProfileAction followingMode="follow">{entries}</SpeedProfileAction>')
+    keep = longitudinal(
+        '<LongitudinalDistanceAction entityRef="Car" continuous="true" freespace="true" timeGap="1e9">'
+        '<DynamicConstraints maxAcceleration="1e9"/></LongitudinalDistanceAction>'
+    )
+    init = {"Ego": teleport(link("middle", 20)) + speed(10), "Car": teleport(link("left", 50)) + speed(8)}
+    groups = group("Car", event("p", profile, after(0.2))), group("Ego", event("k", keep, after(0.3)), name="g2")
+    telling = Telling(story(init, *groups))
+    telling.run(1.0)
+    state = NodeState(telling.node.context, telling.node.components)
+    saved = state.save()
+    expected = hashes(telling, 30)
+    state.restore(saved, 0.0, before_undo=lambda: None)
+    assert hashes(telling, 30) == expected
 
 
 @pytest.mark.parametrize(
