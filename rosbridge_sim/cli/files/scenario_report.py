@@ -299,7 +299,7 @@ def _notes(draft: Draft) -> Iterator[str]:
     story = None if draft.scenario is None else draft.scenario.story
     events = sum(item.kind == "Event" for item in (() if story is None else each_item(story.storyboard)))
     if num:
-        yield f"rosbridge_sim: {num:,} blocks, {events:,} triggers; MORAI SIM ignores this key"
+        yield f"rosbridge_sim: blocks: {num:,}, triggers: {events:,}; MORAI SIM ignores this key"
 
 
 def _without_prefix(line: str, prefixes: Sequence[str]) -> str:

@@ -68,7 +68,7 @@ def test_blocks_of_ours_are_a_note_and_no_remark(folder: Path) -> None:
         f"{file}: good",
         "",
         "notes:",
-        "  rosbridge_sim: 1 blocks, 1 triggers; MORAI SIM ignores this key",
+        "  rosbridge_sim: blocks: 1, triggers: 1; MORAI SIM ignores this key",
     ]
     assert any(line.endswith("random lanes, at the speed limit, when it is triggered") for line in done.lines)
     block["start_whem"] = block.pop("start_when")

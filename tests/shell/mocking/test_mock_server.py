@@ -103,7 +103,7 @@ async def test_changed_message_is_lost_for_an_encoding_that_cannot_hold_it(
 
 
 async def test_connections_are_closed_with_the_code(tmp_path: Path, subscribe: Subscribe) -> None:
-    async with mock_of(tmp_path, ROBOT + "\nfaults: {f: {kind: close, code: 4001, text: bye, start: 0.1}}") as sim:
+    async with mock_of(tmp_path, ROBOT + "\nfaults: {f: {kind: close, code: 4001, text: bye, start: 0.6}}") as sim:
         socket = await subscribe(sim.url)
         with pytest.raises(ConnectionClosed) as closed:
             await receive(socket, 1000)
@@ -113,7 +113,7 @@ async def test_connections_are_closed_with_the_code(tmp_path: Path, subscribe: S
 
 
 async def test_connection_is_cut_without_a_close_frame(tmp_path: Path, subscribe: Subscribe) -> None:
-    async with mock_of(tmp_path, ROBOT + "\nfaults: {f: {kind: close, code: 1006, start: 0.1}}") as sim:
+    async with mock_of(tmp_path, ROBOT + "\nfaults: {f: {kind: close, code: 1006, every: 0.1}}") as sim:
         socket = await subscribe(sim.url)
         with pytest.raises(ConnectionClosed) as closed:
             await receive(socket, 1000)
