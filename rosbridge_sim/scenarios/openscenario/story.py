@@ -21,7 +21,7 @@ from rosbridge_sim.scenarios.openscenario.story_items import (
     evaluate,
     place_of,
 )
-from rosbridge_sim.scenarios.openscenario.story_signals import check_controllers
+from rosbridge_sim.scenarios.openscenario.story_signals import check_controllers, check_states
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.xml_documents import Element, read_whole
 
@@ -281,7 +281,9 @@ def check_story(story: Story) -> None:
     phases = {name: [phase["name"] for phase in item.parts] for name, item in story.controllers.items()}
     check_controllers(story.controllers, mistakes)
     num_events = num_looks = 0
-    for item in chain(each_item(story.storyboard), () if story.evaluation is None else each_item(story.evaluation)):
+    items = list(chain(each_item(story.storyboard), () if story.evaluation is None else each_item(story.evaluation)))
+    check_states(items, story.findings.notes if story.text.is_lenient else mistakes)
+    for item in items:
         num_events += item.kind == "Event"
         num_looks += _count_looks(item)
         known: Mapping[str, str] | set[str]

@@ -7,7 +7,7 @@ phase does not name keeps the state of the phase before. Lights that the story d
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import accumulate
 from typing import Final
 
@@ -23,6 +23,7 @@ MAX_PHASES: Final = 1_000
 """Most phases of all controllers of a story: each has a colour for each of its lights."""
 
 _LAMPS: Final = {2: (Lamp.RED, Lamp.GREEN), 3: (Lamp.RED, Lamp.YELLOW, Lamp.GREEN)}
+_WITH_STATE: Final = frozenset({"TrafficSignalState", "TrafficSignalStateAction", "TrafficSignalCondition"})
 _COLOURS: Final = {"red": Lamp.RED, "yellow": Lamp.YELLOW, "green": Lamp.GREEN, "off": 0}
 
 
@@ -60,11 +61,17 @@ def check_controllers(controllers: Mapping[str, StoryItem], mistakes: list[str])
         for phase in item.parts:
             if not phase["duration"] >= DT:
                 mistakes.append(f"{phase.where}: Phase.duration: expected {DT:g} s or more, got {phase['duration']:g}")
-            for state in phase.parts:
-                try:
-                    lamps_of(state["state"])
-                except DocumentError as error:
-                    mistakes.append(f"{state.where}: TrafficSignalState.state: {error}")
+            check_states(phase.parts, mistakes)
+
+
+def check_states(items: Iterable[StoryItem], mistakes: list[str]) -> None:
+    """Add those of the items that name no state of a light to a list: a line each, with file and line."""
+    for item in items:
+        try:
+            if item.kind in _WITH_STATE:
+                lamps_of(item["state"])
+        except DocumentError as error:
+            mistakes.append(f"{item.where}: {item.kind}.state: {error}")
 
 
 def make_signal_plan(controllers: Mapping[str, StoryItem], road_map: RoadMap) -> SignalPlan:

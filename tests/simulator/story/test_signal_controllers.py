@@ -161,6 +161,27 @@ def test_the_next_scenario_has_the_lights_of_the_map_and_a_part_of_one_keeps_tho
     assert [each.name for each in context.world.signals.plan.controllers] == ["crossing"]
 
 
+STATE = '<TrafficSignalStateAction name="light" state="{}"/>'
+IS_STATE = '<TrafficSignalCondition name="light" state="{}"/>'
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (event("e", infrastructure(STATE.format("pink")), after(0.1)), "TrafficSignalStateAction"),
+        (event("e", speed(3), by_value(IS_STATE.format("on;;on"))), "TrafficSignalCondition"),
+    ],
+)
+def test_a_state_that_is_none_is_told_with_its_line_and_left_out_if_lenient(text: str, told: str) -> None:
+    text = story(EGO, group("Ego", text))
+    with pytest.raises(DocumentError, match=rf"story.xosc: line \d+: {told}.state: expected a state"):
+        scenario_of(text)
+    telling = Telling(text, is_lenient=True)
+    telling.run(0.5)
+    assert not telling.told.state.lights
+    assert telling.speed("Ego") == pytest.approx(10.0)
+
+
 @pytest.mark.parametrize(
     ("controllers", "told"),
     [

@@ -122,6 +122,8 @@ def test_actions_with_the_largest_numbers_are_saved_and_go_on() -> None:
         ("running", [{"number": 0, "entity": "Car", "numbers": {}, "points": []}]),
         ("running", [{"number": 5, "entity": "Nobody", "numbers": {}, "points": []}]),
         ("board", 3),
+        ("lights", {"light": "pink"}),
+        ("lights", {f"light {i}": "red" for i in range(1_000)}),
         ("running", [{"number": -2, "entity": "Ego", "numbers": {"at": 1.0}, "points": []}]),
         ("running", [{"number": 7, "entity": "Car", "numbers": {}, "points": [(1.0,)]}]),
     ],
@@ -134,6 +136,17 @@ def test_a_state_that_no_story_has_is_refused_and_changes_nothing(key: str, valu
     assert isinstance(data, dict)
     with pytest.raises(ValueError, match=r"story|state"):
         component.load_state({**data, key: value}, 0.0)
+
+
+def test_an_action_that_goes_on_twice_is_refused() -> None:
+    telling = Telling(TEXT)
+    telling.run(1.0)
+    component = telling.node.component(Stories)
+    data = component.save_state()
+    assert isinstance(data, dict)
+    component.load_state(data, 0.0)
+    with pytest.raises(ValueError, match="expected a state of the story"):
+        component.load_state({**data, "running": (*data["running"], data["running"][0])}, 0.0)
 
 
 def test_a_load_keeps_its_story_as_texts() -> None:
