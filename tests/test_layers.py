@@ -438,18 +438,20 @@ def _call_faults(nodes: Sequence[ast.AST], room: str) -> Iterator[tuple[int, str
 def _hidden_faults(
     nodes: Sequence[ast.AST], source: str, room: str, parts: tuple[str, ...]
 ) -> Iterator[tuple[int, str]]:
-    """Arrows that the program does not follow when it runs, and private attributes of others."""
+    """Arrows that the program does not follow when it runs, in no function either, and private attributes of others."""
     if room.partition(".")[0] in OUTSIDE:
         return
+    hidden: list[tuple[int, str]] = []
     for node in nodes:
         if isinstance(node, ast.If) and "TYPE_CHECKING" in {
             getattr(node.test, "id", ""),
             getattr(node.test, "attr", ""),
         }:
-            for child in node.body:
-                for line, name in _imports(ast.walk(child), parts):
-                    if name.partition(".")[0] == PACKAGE:
-                        yield line, f"{room} must not hide the import of {name} from the program"
+            hidden += [each for child in node.body for each in _imports(ast.walk(child), parts)]
+    followed = {name.rpartition(".")[0] for line, name in _imports(nodes, parts) if (line, name) not in hidden}
+    for line, name in hidden:
+        if name.partition(".")[0] == PACKAGE and name.rpartition(".")[0] not in followed:
+            yield line, f"{room} must not hide the import of {name} from the program"
     for line, text in enumerate(source.splitlines(), 1):
         if "noqa" in text and "SLF001" in text:
             yield line, f"{room} must not use an object's private attributes from outside"
@@ -641,6 +643,10 @@ def test_forbidden_import_is_found(tmp_path: Path, file: str, source: str, fault
         ("graph/a.py", "import logging\nlogging.getLogger('x')\nself.open(3)"),
         ("__init__.py", "from rosbridge_sim.shell.app import Simulator"),
         ("maps/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pyproj import Transformer"),
+        (
+            "world/a.py",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .b import B\ndef f():\n    from .b import C",
+        ),
         (
             "shell/a.py",
             "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.simulator.scene import scene",

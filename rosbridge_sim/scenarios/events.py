@@ -29,45 +29,22 @@ from rosbridge_sim.scenarios.event_model import (
     When,
 )
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
-from rosbridge_sim.scenarios.openscenario.story import (
+from rosbridge_sim.scenarios.openscenario.story import check_story, each_item, read_story
+from rosbridge_sim.scenarios.openscenario.story_records import (
     BLOCKS,
     MAX_STORY_BYTES,
+    Findings,
     Story,
+    StoryItem,
     StoryText,
-    check_story,
-    each_item,
-    read_story,
 )
-from rosbridge_sim.scenarios.openscenario.story_items import Findings, StoryItem
-from rosbridge_sim.scenarios.scenario_model import NpcVehicle, Obstacle, Pedestrian, ScenarioDocument
+from rosbridge_sim.scenarios.scenario_model import ScenarioDocument, blocks_of
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.units import KMH_TO_MPS
 
 EGO: Final = "egoVehicle"
 
-UNTIL_EVENT: Final = 1e-6
-"""`Spawn.start_within` of an item that waits for its event: no ego is ever so near [m]."""
-
 _BLOCKS: Final = DocumentType[EventBlocks](EventBlocks)
-
-
-def start_distance(item: NpcVehicle | Pedestrian | Obstacle) -> float:
-    """Return how near an ego must be before an item starts [m]; 0 for at once."""
-    block: ItemBlock = item.rosbridge_sim or ItemBlock()
-    if block.start_when is not None:
-        return UNTIL_EVENT
-    return max(item.activeDistance or 0.0, 0.0) if block.start_within is None else block.start_within
-
-
-def blocks_of(document: ScenarioDocument) -> Iterator[tuple[str, ItemBlock | ScenarioBlock]]:
-    """Yield the blocks of a document, by the places of their items; that of the whole document has none."""
-    if document.rosbridge_sim is not None:
-        yield "", document.rosbridge_sim
-    for key in ("vehicleList", "pedestrianList", "objectList"):
-        items: list[NpcVehicle | Pedestrian | Obstacle] = getattr(document, key) or []
-        for number, item in enumerate(items):
-            if item.rosbridge_sim is not None:
-                yield f"{key}[{number}]", item.rosbridge_sim
 
 
 def document_story(document: ScenarioDocument, source: str) -> Story | None:

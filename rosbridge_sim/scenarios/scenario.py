@@ -12,7 +12,7 @@ from rosbridge_sim.records import Record, field
 from rosbridge_sim.scenarios.catalogue import (
     Model,
 )
-from rosbridge_sim.scenarios.openscenario.story import Story
+from rosbridge_sim.scenarios.openscenario.story_records import Story
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import Gear, Kind

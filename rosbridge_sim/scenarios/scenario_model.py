@@ -13,7 +13,7 @@ block of `event_model`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from msgspec import Meta
@@ -38,6 +38,9 @@ from rosbridge_sim.documents import (
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.scenarios.event_model import ItemBlock, ScenarioBlock, VehicleBlock
 from rosbridge_sim.suggestions import hint
+
+UNTIL_EVENT: Final = 1e-6
+"""`Spawn.start_within` of an item that waits for its event: no ego is ever so near [m]."""
 
 MAX_SCENARIO_BYTES: Final = 1 << 25
 """Largest size of a document: 32 MiB, a hundred times the size that MORAI saves for a full scene."""
@@ -399,3 +402,22 @@ def why_without_effect(path: Sequence[str | int]) -> str:
 def scenario_schema() -> dict[str, Any]:
     """Return the documented subset as a JSON Schema (draft 2020-12)."""
     return {**document_schema(_DOCUMENT), "title": "Scenario"}
+
+
+def start_distance(item: NpcVehicle | Pedestrian | Obstacle) -> float:
+    """Return how near an ego must be before an item starts [m]; 0 for at once."""
+    block: ItemBlock = item.rosbridge_sim or ItemBlock()
+    if block.start_when is not None:
+        return UNTIL_EVENT
+    return max(item.activeDistance or 0.0, 0.0) if block.start_within is None else block.start_within
+
+
+def blocks_of(document: ScenarioDocument) -> Iterator[tuple[str, ItemBlock | ScenarioBlock]]:
+    """Yield the blocks of a document, by the places of their items; that of the whole document has none."""
+    if document.rosbridge_sim is not None:
+        yield "", document.rosbridge_sim
+    for key in ("vehicleList", "pedestrianList", "objectList"):
+        items: list[NpcVehicle | Pedestrian | Obstacle] = getattr(document, key) or []
+        for number, item in enumerate(items):
+            if item.rosbridge_sim is not None:
+                yield f"{key}[{number}]", item.rosbridge_sim

@@ -29,7 +29,7 @@ from rosbridge_sim.scenarios.catalogue import (
     find_model,
     model_by_class,
 )
-from rosbridge_sim.scenarios.events import document_story, start_distance
+from rosbridge_sim.scenarios.openscenario.story_records import Story
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_model import (
     EgoVehicle,
@@ -45,7 +45,9 @@ from rosbridge_sim.scenarios.scenario_model import (
     ScenarioDocument,
     SpawnPointItem,
     WaypointPath,
+    blocks_of,
     read_scenario_document,
+    start_distance,
 )
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint, find_places, read_spawn_point
 from rosbridge_sim.units import KMH_TO_MPS
@@ -296,8 +298,15 @@ class _Reader:
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
         phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
         notes, kept = tuple(self._notes), _kept(document)
-        story = next(_all((document,), lambda whole: document_story(whole, self._source), self._tell), None)
+        story = next(_all((document,), self._story, self._tell), None)
         return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept, points, story)
+
+    def _story(self, document: ScenarioDocument) -> Story | None:
+        if not any(True for _ in blocks_of(document)):
+            return None
+        from rosbridge_sim.scenarios.events import document_story  # noqa: PLC0415 - few scenes have a story
+
+        return document_story(document, self._source)
 
     def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
         numbered = enumerate(items or ())

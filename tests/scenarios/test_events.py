@@ -8,10 +8,12 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.event_model import MAX_EVENTS
-from rosbridge_sim.scenarios.events import UNTIL_EVENT, read_saved_story
-from rosbridge_sim.scenarios.openscenario.story import MAX_LOOKS, StoryText
+from rosbridge_sim.scenarios.events import read_saved_story
+from rosbridge_sim.scenarios.openscenario.story import MAX_LOOKS
+from rosbridge_sim.scenarios.openscenario.story_records import StoryText
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_check import read_draft
+from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 
 NEAR = {"when": {"ego_within": 20}, "change_lane": "left"}

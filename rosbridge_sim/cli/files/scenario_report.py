@@ -24,11 +24,10 @@ from rosbridge_sim.maps.map_check import UNREAD_FILES
 from rosbridge_sim.maps.map_formats import MAP_FILES
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
-from rosbridge_sim.scenarios.events import UNTIL_EVENT
 from rosbridge_sim.scenarios.openscenario.entities import place_entities
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
 from rosbridge_sim.scenarios.openscenario.story import each_item
-from rosbridge_sim.scenarios.openscenario.story_items import Findings
+from rosbridge_sim.scenarios.openscenario.story_records import Findings
 from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan
 from rosbridge_sim.scenarios.openscenario.storyboard import KINDS
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
@@ -40,6 +39,7 @@ from rosbridge_sim.scenarios.scenario_check import (
     place_draft,
     read_draft,
 )
+from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.scenarios.scenario_reader import sort_phases
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.config.settings_file import looks_like_path

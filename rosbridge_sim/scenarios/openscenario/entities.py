@@ -11,8 +11,7 @@ from rosbridge_sim.printable import printable
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Model, default_model
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
-from rosbridge_sim.scenarios.openscenario.story import Story
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryItem
 from rosbridge_sim.scenarios.scenario import Scenario, Spawn
 from rosbridge_sim.world.state.world import Body, Kind
 

@@ -18,7 +18,7 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.maps.road_positions import RoadPositions
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import nearest_on_polyline
 from rosbridge_sim.world.roads.roads import Roads

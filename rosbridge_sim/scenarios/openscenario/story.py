@@ -12,29 +12,21 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
-from rosbridge_sim.records import Record, field
 from rosbridge_sim.scenarios.openscenario.story_items import (
     MAX_NUMBER,
-    Findings,
-    StoryItem,
     StoryItemReader,
     evaluate,
     place_of,
 )
+from rosbridge_sim.scenarios.openscenario.story_records import MAX_STORY_BYTES, Findings, Story, StoryItem, StoryText
 from rosbridge_sim.scenarios.openscenario.story_signals import check_controllers, check_states
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.xml_documents import Element, read_whole
-
-MAX_STORY_BYTES: Final = 1 << 21
-"""Largest file, of a scenario or of catalogues: 2 MiB. The largest of 288 public ones has 0.1 MB."""
 
 MAX_ENTITIES: Final = 1_000
 MAX_EVENTS: Final = 1_000
 MAX_LOOKS: Final = 1_000
 """Most conditions, counted once for each of their triggering entities: a step looks at all, 0.03 to 0.1 ms each."""
-
-BLOCKS: Final = b"{"
-"""Beginning of the text of a story that is made of blocks `rosbridge_sim`."""
 
 MAX_FOLDERS: Final = 16
 MAX_SHOWN: Final = 8
@@ -42,67 +34,6 @@ MAX_SHOWN: Final = 8
 
 EGO_NAMES: Final = ("ego", "ego_vehicle", "egovehicle", "ego vehicle", "hero", "host")
 """Names of the ego in files of MORAI, CARLA and esmini, in lower case."""
-
-
-class StoryText(Record):
-    """The texts that a story is made of, and how they are read.
-
-    Attributes:
-        source: name of the file, for errors.
-        text: its bytes.
-        catalogues: names and bytes of the files of catalogues, in order.
-        parameters: values that count in place of those of the file.
-        ego: name of the entity that is the ego; empty for the rule of `choose_ego`.
-        is_lenient: leave out what is refused.
-        drives_ego: the story moves the ego, not the user's program.
-    """
-
-    source: str
-    text: bytes
-    catalogues: tuple[tuple[str, bytes], ...] = ()
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    ego: str = ""
-    is_lenient: bool = False
-    drives_ego: bool = False
-
-
-class Story(Record, eq=False):
-    """A story.
-
-    Attributes:
-        text: what it is made of.
-        entities: `ScenarioObject` items by name, in order.
-        ego: name of the entity that is the ego; empty if there is none.
-        holds: of pedestrians by name, MORAI's `activeDistance` and `moveDistance`: how near an ego is when one begins
-            to move, and its longest way; 0 for none [m].
-        controllers: `TrafficSignalController` items by name.
-        init: `Actions` of `Init`.
-        storyboard: acts, events, conditions.
-        evaluation: MORAI's groups of conditions; None for none.
-        parameters, variables: values at the start, by name.
-        map_file: path of the map as the file spells it; empty for none.
-        map_name: name of the map in MORAI's addition; empty for none.
-        findings: what is told about the file.
-    """
-
-    text: StoryText
-    entities: Mapping[str, StoryItem]
-    ego: str
-    holds: Mapping[str, tuple[float, float]]
-    controllers: Mapping[str, StoryItem]
-    init: StoryItem
-    storyboard: StoryItem
-    evaluation: StoryItem | None
-    parameters: Mapping[str, str]
-    variables: Mapping[str, str]
-    map_file: str
-    map_name: str
-    findings: Findings
-
-    @property
-    def is_of_blocks(self) -> bool:
-        """True for a story of MORAI's JSON: its entities are items of the scenario, by their places in the document."""
-        return self.text.text.startswith(BLOCKS)
 
 
 def catalogue_folders(text: bytes, source: str, parameters: Mapping[str, str]) -> list[str]:

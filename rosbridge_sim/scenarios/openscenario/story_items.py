@@ -14,8 +14,8 @@ from typing import Any, Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Value, parse_expression
 from rosbridge_sim.printable import printable
-from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.grammar import GRAMMAR, LEFT_OUT, AttributeRow
+from rosbridge_sim.scenarios.openscenario.story_records import Findings, StoryItem
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.xml_documents import Element
 
@@ -30,65 +30,6 @@ MAX_CATALOGUE_DEPTH: Final = 8
 
 MAX_LINES: Final = 200
 """Most lines that are collected of one sort."""
-
-
-class StoryItem(Record, eq=False):
-    """An element of a story.
-
-    Attributes:
-        kind: its tag in OpenSCENARIO.
-        values: of the attributes that are there, by name.
-        parts: items within it, in order.
-        where: file and line.
-    """
-
-    kind: str
-    values: Mapping[str, Any]  # float, int, bool or str, as the grammar says
-    parts: tuple[StoryItem, ...]
-    where: str
-
-    def __getitem__(self, name: str) -> Any:  # noqa: ANN401 - the grammar has the type
-        """Return the value of an attribute that must be there."""
-        return self.values[name]
-
-    def get(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - the same
-        """Return the value of an attribute, or a default."""
-        return self.values.get(name, default)
-
-    def part(self, *kinds: str) -> StoryItem:
-        """Return the first part of one of these kinds, or of any kind; the grammar says that there is one."""
-        found = self.find(*kinds)
-        assert found is not None, (self.kind, kinds)
-        return found
-
-    def find(self, *kinds: str) -> StoryItem | None:
-        """Return the first part of one of these kinds, or of any kind; None if there is none."""
-        return next((part for part in self.parts if not kinds or part.kind in kinds), None)
-
-    def all(self, kind: str) -> tuple[StoryItem, ...]:
-        """Return all parts of a kind."""
-        return tuple([part for part in self.parts if part.kind == kind])
-
-
-class Findings(Record, eq=False):
-    """Mistakes and remarks about a file: one text each, with file and line.
-
-    Attributes:
-        mistakes: what is wrong.
-        refused: what is right and not supported.
-        idle: what is kept without effect.
-        notes: what is read in another way than it is written.
-    """
-
-    mistakes: list[str]
-    refused: list[str]
-    idle: list[str]
-    notes: list[str]
-
-    @classmethod
-    def none(cls) -> Findings:
-        """Return findings without a line."""
-        return cls([], [], [], [])
 
 
 def place_of(element: Element) -> str:

@@ -14,7 +14,7 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.printable import printable
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.roads.signal_plan import GREENS, Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import DT

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.world.state.entity_types import MIN_FRICTION_SHARE
 
 FOG_RANGE: Final = 1_000.0

@@ -24,7 +24,7 @@ from functools import cache
 from typing import Final, Protocol
 
 from rosbridge_sim.records import Record
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 
 KINDS: Final = ("Storyboard", "Story", "Act", "ManeuverGroup", "Maneuver", "Event", "Action")
 

@@ -18,9 +18,7 @@ from rosbridge_sim.maps.map_formats import FILE_FORMATS, MAP_FILES, find_file_fo
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN
-from rosbridge_sim.scenarios.openscenario.entities import story_scenario
-from rosbridge_sim.scenarios.openscenario.story import Story, examine_story, read_story
-from rosbridge_sim.scenarios.openscenario.story_items import Findings
+from rosbridge_sim.scenarios.openscenario.story_records import Findings, Story
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings import Settings
@@ -199,11 +197,15 @@ class DiskLibrary:
         """
         if not is_story(path.name, text):
             return read_scenario(text, str(path), catalogue=self.catalogue)
+        from rosbridge_sim.scenarios.openscenario.story import read_story  # noqa: PLC0415 - few servers read a story
+
         if within is not None:
             options = replace(options, parameters=declared_of(text, path.name, options.parameters))
         return self._scenario_of(read_story(collect_story(path, text, options, within)), path, within)
 
     def _scenario_of(self, story: Story, path: Path, within: Sequence[Path] | None) -> Scenario:
+        from rosbridge_sim.scenarios.openscenario.entities import story_scenario  # noqa: PLC0415 - few servers read a story
+
         return story_scenario(story, path.stem, self._map_of(story, path, within), self.catalogue)
 
     def examine_story(self, text: bytes, path: Path) -> tuple[Scenario | None, Findings]:
@@ -212,6 +214,8 @@ class DiskLibrary:
         Raises:
             DocumentError: it is no such file, or a file that it names cannot be read.
         """
+        from rosbridge_sim.scenarios.openscenario.story import examine_story  # noqa: PLC0415 - few servers read a story
+
         story, findings = examine_story(collect_story(path, text, self._stories, None))
         is_good = story is not None and not findings.mistakes
         return (self._scenario_of(story, path, None) if story is not None and is_good else None), findings

@@ -14,12 +14,7 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record, field
-from rosbridge_sim.scenarios.openscenario.story import (
-    MAX_STORY_BYTES,
-    StoryText,
-    catalogue_folders,
-    declared_parameters,
-)
+from rosbridge_sim.scenarios.openscenario.story_records import MAX_STORY_BYTES, StoryText
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.shell.files.other_formats import find_other_format
 
@@ -74,6 +69,8 @@ def declared_of(text: bytes, source: str, parameters: Mapping[str, str]) -> dict
     """
     if not parameters:
         return {}
+    from rosbridge_sim.scenarios.openscenario.story import declared_parameters  # noqa: PLC0415 - few servers read a story
+
     declared = declared_parameters(text, source)
     return {name: value for name, value in parameters.items() if name in declared}
 
@@ -89,6 +86,8 @@ def collect_story(path: Path, text: bytes, options: StoryOptions, within: Sequen
     Raises:
         DocumentError: a file cannot be read, or is elsewhere.
     """
+    from rosbridge_sim.scenarios.openscenario.story import catalogue_folders  # noqa: PLC0415 - few servers read a story
+
     catalogues: list[tuple[str, bytes]] = []
     for folder in catalogue_folders(text, path.name, options.parameters):
         at = resolve_within(path.parent / folder, folder, within)

@@ -12,8 +12,7 @@ from typing import Final, NamedTuple, Protocol
 
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record, replace
-from rosbridge_sim.scenarios.openscenario.story import Story
-from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan
+from rosbridge_sim.scenarios.openscenario.story_records import Story
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.plain.plain_bytes import encode
@@ -151,7 +150,11 @@ class Load:
         Raises:
             DocumentError: the map has no light that the story controls.
         """
-        return make_signal_plan({} if self.story is None else self.story.controllers, self.road_map)
+        if self.story is None:
+            return self.road_map.plan or SignalPlan(self.road_map.roads)
+        from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan  # noqa: PLC0415 - few scenes have a story
+
+        return make_signal_plan(self.story.controllers, self.road_map)
 
     def is_on(self, road_map: RoadMap) -> bool:
         """Return True if its places on lanes are places of this map, too: it has the same lanes."""

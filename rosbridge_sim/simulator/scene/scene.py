@@ -27,10 +27,7 @@ from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Model
-from rosbridge_sim.scenarios.events import check_places
-from rosbridge_sim.scenarios.openscenario.entities import place_entities
-from rosbridge_sim.scenarios.openscenario.places import StoryMap
-from rosbridge_sim.scenarios.openscenario.story import Story
+from rosbridge_sim.scenarios.openscenario.story_records import Story
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads, sort_phases
 from rosbridge_sim.simulator.scene.load import WHOLE, FoundMap, Library, Load, LoadOptions, find_map
@@ -441,8 +438,13 @@ def _place_story(scenario: Scenario, story: Story, road_map: RoadMap) -> Scenari
         DocumentError: the map lacks a place.
     """
     if story.is_of_blocks:
+        from rosbridge_sim.scenarios.events import check_places  # noqa: PLC0415 - few scenes have a story
+
         check_places(story, road_map)
         return scenario
+    from rosbridge_sim.scenarios.openscenario.entities import place_entities  # noqa: PLC0415 - few scenes have a story
+    from rosbridge_sim.scenarios.openscenario.places import StoryMap  # noqa: PLC0415 - few scenes have a story
+
     return place_entities(scenario, StoryMap.of(road_map))
 
 

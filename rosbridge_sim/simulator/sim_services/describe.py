@@ -11,7 +11,7 @@ from typing import Any, Final
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import address_of
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.scenarios.events import UNTIL_EVENT
+from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext

@@ -13,8 +13,7 @@ from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.scenarios.events import read_saved_story
-from rosbridge_sim.scenarios.openscenario.story import StoryText
+from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryText
 from rosbridge_sim.scenarios.scenario import PhaseStart, Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkSettings, read_choices
@@ -70,11 +69,16 @@ def unpack_load(data: object, maps: Maps, known: Iterable[Load] = ()) -> Load:
     egos, others = (read_as(tuple[Spawn, ...], fields.get(part), f"load.{part}") for part in ("egos", "others"))
     phases = read_as(tuple[PhaseStart, ...], fields.get("phases"), "load.phases")
     points = read_as(tuple[SpawnPoint, ...], fields.get("spawn_points"), "load.spawn_points")
-    text = read_as(StoryText, fields["story"], "load.story") if "story" in fields else None
-    story = None if text is None else read_saved_story(text)
+    story = _unpack_story(fields["story"]) if "story" in fields else None
     load = Load(name, egos, others, is_clearing, key.name, maps(key), phases, points, story)
     check_load(load)
     return load
+
+
+def _unpack_story(data: object) -> Story:
+    from rosbridge_sim.scenarios.events import read_saved_story  # noqa: PLC0415 - few scenes have a story
+
+    return read_saved_story(read_as(StoryText, data, "load.story"))
 
 
 def pack_action(action: SceneAction) -> PlainData:

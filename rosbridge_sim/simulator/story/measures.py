@@ -17,7 +17,7 @@ import numpy as np
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, predecessors
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.simulator.story.cast import Cast, StoryActor
 from rosbridge_sim.world.geometry.planar import FloatArray, box_at, nearest_on_polyline
 from rosbridge_sim.world.state.world import Body

@@ -21,7 +21,7 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, StoryActor
 from rosbridge_sim.simulator.story.stage import Stage
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED

@@ -6,7 +6,7 @@ Its state is that of the story. A load that leaves the scene as it was leaves th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.topics_services import Call
@@ -14,9 +14,6 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import replace
-from rosbridge_sim.scenarios.openscenario.entities import story_scenario
-from rosbridge_sim.scenarios.openscenario.places import StoryMap
-from rosbridge_sim.scenarios.openscenario.storyboard import State, StoryVerdict, Transition, kind_of
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -24,7 +21,9 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import Load
-from rosbridge_sim.simulator.story.told_story import SetWeather, StoryState, ToldStory
+
+if TYPE_CHECKING:  # imported with the first story
+    from rosbridge_sim.simulator.story.told_story import SetWeather, ToldStory
 
 STORY_TOPIC: Final = "/sim/story"
 RATE: Final = 10.0
@@ -81,7 +80,9 @@ class Stories(Component):
 
     def verdict(self) -> Struct:
         """Make the message of the verdict of the story's evaluation."""
-        verdict = StoryVerdict() if self.told is None else self.told.board.verdict()
+        if self.told is None:
+            return self._make_verdict("", "", -1.0, "")
+        verdict = self.told.board.verdict()
         return self._make_verdict(verdict.result, verdict.group, verdict.time, printable(verdict.reason))
 
     # The story
@@ -111,6 +112,10 @@ class Stories(Component):
         (hooks.after_frame.rest if story is None else hooks.after_frame.wake)(self._tell)
         if story is None:
             return
+        from rosbridge_sim.scenarios.openscenario.entities import story_scenario  # noqa: PLC0415 - few scenes have a story
+        from rosbridge_sim.scenarios.openscenario.places import StoryMap  # noqa: PLC0415 - few scenes have a story
+        from rosbridge_sim.simulator.story.told_story import ToldStory  # noqa: PLC0415 - few scenes have a story
+
         if story.is_of_blocks:
             spawns = tuple([replace(spawn, name=spawn.where) for spawn in (*loaded.egos, *loaded.others)])
         else:
@@ -146,6 +151,8 @@ class Stories(Component):
             if data is not None:
                 raise ValueError("expected no state of a story")
             return
+        from rosbridge_sim.simulator.story.told_story import StoryState  # noqa: PLC0415 - few scenes have a story
+
         check_finite(data, "story")
         try:
             self.told.restore(read_as(StoryState, data, "story"))
@@ -159,6 +166,8 @@ class Stories(Component):
         header = context.convert.header(context.world.frame)
         if told is None:
             return self._make_state(header, "", 0.0, False, self.verdict(), [], [], [], [])  # noqa: FBT003 - not over
+        from rosbridge_sim.scenarios.openscenario.storyboard import State, Transition, kind_of  # noqa: PLC0415 - few scenes have a story
+
         state, board = told.state.board, told.board
         elements = [
             self._make_element(

@@ -17,8 +17,8 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.places import StoryMap
-from rosbridge_sim.scenarios.openscenario.story import Story, each_item
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story import each_item
+from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryItem
 from rosbridge_sim.scenarios.openscenario.story_signals import lamps_of, start_phase
 from rosbridge_sim.scenarios.openscenario.story_weather import find_friction, find_weather
 from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboard

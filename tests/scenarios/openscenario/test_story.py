@@ -10,14 +10,9 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.openscenario import story as story_module
 from rosbridge_sim.scenarios.openscenario.entities import story_scenario
 from rosbridge_sim.scenarios.openscenario.grammar import GRAMMAR, LEFT_OUT
-from rosbridge_sim.scenarios.openscenario.story import (
-    Story,
-    StoryText,
-    catalogue_folders,
-    examine_story,
-    read_story,
-)
+from rosbridge_sim.scenarios.openscenario.story import catalogue_folders, examine_story, read_story
 from rosbridge_sim.scenarios.openscenario.story_items import evaluate
+from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryText
 from rosbridge_sim.simulator.story.conditions import OF_ENTITY, OF_VALUE
 from rosbridge_sim.simulator.story.motions import MOTIONS
 from rosbridge_sim.world.state.world import Kind

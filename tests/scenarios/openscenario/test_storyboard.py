@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from rosbridge_sim.scenarios.openscenario.story import StoryText, read_story
-from rosbridge_sim.scenarios.openscenario.story_items import StoryItem
+from rosbridge_sim.scenarios.openscenario.story import read_story
+from rosbridge_sim.scenarios.openscenario.story_records import StoryItem, StoryText
 from rosbridge_sim.scenarios.openscenario.storyboard import State, Storyboard
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
 from tests.simulator.story.story_texts import by_value, event, group, speed, story, trigger

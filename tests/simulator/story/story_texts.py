@@ -15,7 +15,8 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.maps.mgeo import NO_PROJECTION
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenarios.openscenario.entities import story_scenario
-from rosbridge_sim.scenarios.openscenario.story import StoryText, read_story
+from rosbridge_sim.scenarios.openscenario.story import read_story
+from rosbridge_sim.scenarios.openscenario.story_records import StoryText
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.scenarios.openscenario.story import StoryText, examine_story
+from rosbridge_sim.scenarios.openscenario.story import examine_story
+from rosbridge_sim.scenarios.openscenario.story_records import StoryText
 from tests.mutations import Edit, Flip, damage, edits, examples, flips
 from tests.scenarios.openscenario.test_story import CATALOGUE, REFERENCE
 from tests.simulator.story.story_texts import (
