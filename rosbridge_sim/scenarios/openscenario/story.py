@@ -143,6 +143,9 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
     network, info = root.find("RoadNetwork"), root.find("SimulatorInfo")
     logic = None if network is None else network.find("LogicFile")
     signals = None if network is None else network.find("TrafficSignals")
+    controllers = {each["name"]: each for each in (() if signals is None else signals.parts)}
+    if signals is not None and len(controllers) < len(signals.parts):
+        findings.mistakes.append(f"{signals.where}: TrafficSignals: two controllers have the same name")
     path = "" if logic is None else logic["filepath"]
     named = None if info is None else info.find("Map")
     map_name = variables.get("moraiMap", "") if named is None else named["name"]
@@ -151,7 +154,7 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
         entities=entities,
         ego=choose_ego(given.ego, entities, given.source, findings),
         holds={name: _hold(item, findings) for name, item in entities.items() if item.find("Pedestrian") is not None},
-        controllers={each["name"]: each for each in (() if signals is None else signals.parts)},
+        controllers=controllers,
         init=board.part("Init").part("Actions"),
         storyboard=board,
         evaluation=root.find("Evaluation"),

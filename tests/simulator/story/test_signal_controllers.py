@@ -187,6 +187,7 @@ def test_a_state_that_is_none_is_told_with_its_line_and_left_out_if_lenient(text
     [
         (controller("c", phase("p", 0)), r"Phase.duration: expected 0.02 s or more, got 0"),
         (controller("c"), "expected a Phase in it, got none"),
+        (controller("c", phase("p", 1)) * 2, "TrafficSignals: two controllers have the same name"),
         (controller("c", phase("p", 1, light="pink")), "TrafficSignalState.state: expected a state such as red"),
         (controller("c", phase("p", 1), more='reference="d" delay="1"'), "reference: there is no 'd'"),
         (controller("c", *[phase("p", 1)] * 1001), "expected at most 1,000 phases in all"),
