@@ -109,13 +109,18 @@ def find_misspelt_key(path: str) -> str:
     return find_misspelt(path.rpartition(".")[2].removesuffix("[]"), keys_beside(ScenarioDocument, path))
 
 
+_BLOCK_PLACES: Final = "in items of vehicleList, pedestrianList and objectList, and beside these lists"
+
+
 def find_misspelt_keys(keys: SortedKeys) -> list[str]:
-    """Find ignored keys that are surely misspelt."""
+    """Find ignored keys that are surely misspelt, and blocks of ours at a place that has none."""
     lines = []
     for path, num in islice(keys.passed_over.items(), MAX_UNKNOWN):
         meant = find_misspelt_key(path)
-        if meant and ".rosbridge_sim." not in f".{path}":  # there an unknown key is a mistake
-            times = "" if num == 1 else f" ({num:,} times)"
+        times = "" if num == 1 else f" ({num:,} times)"
+        if f".{path}".endswith(".rosbridge_sim"):
+            lines.append(f"{path}{times} is ignored; it is read {_BLOCK_PLACES}")
+        elif meant and ".rosbridge_sim." not in f".{path}":  # there an unknown key is a mistake
             lines.append(f"{path}{times} is no known key and is ignored; did you mean {meant}?")
     return _short(lines)
 

@@ -205,6 +205,14 @@ def test_each_misspelt_key_is_one_line_however_often_it_stands_there() -> None:
     assert many[-1] == "... and 9 more of that kind"
 
 
+def test_a_block_of_ours_at_a_place_that_has_none_is_told() -> None:
+    found = draft(egoVehicle={"rosbridge_sim": {}}, mapInfo={"rosbridge_sim": {}}, vehicleList=[{"rosbridge_sim": {}}])
+    assert [line.partition(" is ignored; it is read in ")[0] for line in find_misspelt_keys(found.keys)] == [
+        "egoVehicle.rosbridge_sim",
+        "mapInfo.rosbridge_sim",
+    ]
+
+
 # -- oddities
 
 
