@@ -7,12 +7,11 @@ the other. Files often have only one of the two records of a link; each is enoug
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Final, NamedTuple
-
-import numpy as np
 
 from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece
 from rosbridge_sim.maps.opendrive.plan_view import MAX_GAP
@@ -108,7 +107,7 @@ def _nearest_ends(
     def apart(pair: tuple[LaneEnd, LaneEnd]) -> float:
         lines = [(pieces[_row(rows, end)], end.is_start) for end in pair]
         one, other = (piece.line[0 if piece.is_forward == is_start else -1] for piece, is_start in lines)
-        return float(np.linalg.norm(one - other))
+        return math.dist(one, other)
 
     turned = [ends, (_other_end(roads, ends[0]), ends[1]), (ends[0], _other_end(roads, ends[1]))]
     there = [pair for pair in turned if all(rows[end[:3]] for end in pair)]
@@ -193,7 +192,9 @@ def _measure_joins(
 ) -> tuple[list[list[int]], list[str]]:
     """Take out the joins that are torn, and add notes about them and about gaps."""
     ends = [(row, after) for row, own in enumerate(successors) for after in own]
-    gaps = [float(np.linalg.norm(pieces[after].line[0] - pieces[row].line[-1])) for row, after in ends]
+    # numpy's norm gives up the lock of the interpreter for each pair and takes it back before another thread wakes up:
+    # an event loop would wait until the last pair.
+    gaps = [math.dist(pieces[after].line[0], pieces[row].line[-1]) for row, after in ends]
     order = sorted(range(len(ends)), key=lambda i: -gaps[i])
     texts = [
         f"{pieces[ends[i][0]].name} -> {pieces[ends[i][1]].name} {gaps[i]:.2f} m" for i in order if gaps[i] > MAX_GAP
