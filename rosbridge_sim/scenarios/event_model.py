@@ -64,7 +64,7 @@ class VehicleWhen(When, frozen=True, kw_only=True):
 
 
 class VehicleEvent(Table, frozen=True, kw_only=True):
-    """What a vehicle does once; afterwards it follows its lane, no faster than it is then."""
+    """One change of lane or speed. After it the vehicle follows its lane, at most with the speed that it has then."""
 
     when: VehicleWhen
     change_lane: Annotated[Literal["left", "right"] | None, Meta(description="to the lane beside its own")] = None

@@ -127,7 +127,7 @@ class BoardState:
 
 
 class StoryVerdict(Record):
-    """What MORAI's evaluation has found.
+    """Result of MORAI's evaluation.
 
     Attributes:
         result: `success`, `failure` or `undecided`; empty without an evaluation.

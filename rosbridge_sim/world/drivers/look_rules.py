@@ -1,4 +1,4 @@
-"""What a driver makes of its own speed, and of limits and bends ahead; see `driver_perception`. Rules, written once."""
+"""Rules for the speed of a driver: its own, limits, bends ahead; for arrays and single numbers: `rule_operators`."""
 
 from __future__ import annotations
 
