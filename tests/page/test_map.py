@@ -47,11 +47,15 @@ async def nothing() -> None:
 async def until(
     page: Page, check: Callable[[Pixels], bool], before: Callable[[], Awaitable[object]] = nothing
 ) -> Pixels:
-    """Wait until the canvas shows something; `before` each picture, do something."""
+    """Wait until the canvas shows something; `before` each picture, do something.
+
+    On a busy machine the browser now and then takes a picture between two drawings: all black but for the labels above.
+    """
     async with asyncio.timeout(PATIENCE):
         while True:
             await before()
-            if check(pixels := await picture(page)):
+            pixels = await picture(page)
+            if (pixels > 0.0).any(axis=-1).mean() > 0.5 and check(pixels):
                 return pixels
             await page.wait_for_timeout(250)  # a picture of the canvas costs as much as its drawing
 
