@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 
 import pytest
 from hypothesis import given
@@ -74,12 +73,11 @@ def test_text_that_is_no_yaml_or_too_much_gives_one_line(text: str, line: str) -
 
 
 def test_aliases_of_aliases_are_counted_before_they_are_gone_through() -> None:
+    """In line 6 of 20: with all of them there are 10**20 values, which nobody goes through."""
     lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 20)]
-    began = time.process_time()
     with pytest.raises(DocumentError, match=r"x\.yaml:6:\d+: expected at most 200,000 values with those of aliases"):
         read_yaml("\n".join(lines), "x.yaml")
-    assert time.process_time() - began < 1.0
 
 
 @given(st.text(alphabet=st.sampled_from("ab:-[]{}&*!|>'\"#,? \n\t%@0.~<"), max_size=60))
