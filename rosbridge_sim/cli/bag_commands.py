@@ -28,7 +28,7 @@ def make_bag() -> Parser:
     group, add = group_of("bag", text, absent)
 
     parser = add("info", "files.bag_info.show_bag", "show duration, size and topics of a bag")
-    parser.add_argument("file", metavar="FILE", help=_BAG)
+    parser.option("file", "FILE", _BAG)
     add_json(parser)
 
     _add_play(add("play", _play, "publish the messages of a bag at their times; leave out topics of the server"))
@@ -37,10 +37,8 @@ def make_bag() -> Parser:
     for name in ("repair", "reindex"):
         text = "copy the complete parts of a bag, whose recorder was killed, into a new bag"
         parser = add(name, "files.bag_repair.repair_bag", text)
-        parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
-        parser.add_argument(
-            "-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, with the old suffix]"
-        )
+        parser.option("file", "FILE", "NAME.bag, NAME.mcap, or a folder of rosbag2")
+        parser.option("-o", "--output", "FILE", "the new bag [NAME.repaired.bag, with the old suffix]")
         add_json(parser)
     return group
 
@@ -52,19 +50,14 @@ _BAG = "NAME.bag, NAME.mcap, NAME.db3, or a folder of rosbag2"
 
 
 def _add_play(parser: Parser) -> None:
-    parser.add_argument("file", metavar="FILE", help=_BAG)
-    text = "play at FACTOR times the recorded speed [1]"
-    parser.add_argument("-r", "--rate", type=_speed, default=1.0, metavar="FACTOR", help=text)
-    parser.add_argument(
-        "-l", "--loop", dest="is_looping", action="store_true", help="begin again at the end, until Ctrl-C"
-    )
+    parser.option("file", "FILE", _BAG)
+    parser.option("-r", "--rate", "FACTOR", "play at FACTOR times the recorded speed [1]", type=_speed, default=1.0)
+    parser.switch("-l", "--loop", "begin again at the end, until Ctrl-C", dest="is_looping")
     text = "leave out the first SECONDS"
-    parser.add_argument("-s", "--start", "--start-offset", type=SECONDS, default=0.0, metavar="SECONDS", help=text)
-    text = "end after so many seconds of the bag"
-    parser.add_argument("-u", "--duration", type=SECONDS, default=1e9, metavar="SECONDS", help=text)
-    parser.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="only these topics [all]")
-    text = "publish the topic OLD under the name NEW"
-    parser.add_argument("-m", "--remap", nargs="+", default=[], metavar="OLD:=NEW", help=text)
+    parser.option("-s", "--start", "--start-offset", "SECONDS", text, type=SECONDS, default=0.0)
+    parser.option("-u", "--duration", "SECONDS", "end after so many seconds of the bag", type=SECONDS, default=1e9)
+    parser.option("--topics", "TOPIC", "only these topics [all]", nargs="+", default=[])
+    parser.option("-m", "--remap", "OLD:=NEW", "publish the topic OLD under the name NEW", nargs="+", default=[])
     add_without_effect(parser, {"--clock": ("?", "/clock of the bag is played if the server has none of its own")})
     add_bridge(parser)
     add_definitions(parser)
@@ -102,19 +95,12 @@ def _add_record(parser: Parser, first: str) -> None:
     text = "NAME.bag is ROS 1, NAME.mcap ROS 2, else a folder of ROS 2"
     is_bag = first == "TOPIC"
     what = "topics to record, or patterns [all]" if is_bag else f"{text}; then topics to record, or patterns [all]"
-    parser.add_argument("words", metavar="TOPIC" if is_bag else "FILE TOPIC", nargs="*", help=what)
+    parser.option("words", "TOPIC" if is_bag else "FILE TOPIC", what, nargs="*")
     default = "the time of day, as rosbag and ros2 bag do" if is_bag else "the first word"
-    parser.add_argument("-o", "-O", "--output", "--output-name", metavar="FILE", help=f"{text} [{default}]")
-    parser.add_argument("-a", "--all", action="store_true", help="all topics, which is the default")
+    parser.option("-o", "-O", "--output", "--output-name", "FILE", f"{text} [{default}]")
+    parser.switch("-a", "--all", "all topics, which is the default")
     parser.add_argument("-s", "--storage", choices=("mcap",), help="the only format of ROS 2 that is written")
-    parser.add_argument(
-        "-t",
-        "--topics",
-        action="append",
-        default=[],
-        metavar="PATTERN",
-        help="topics to record, such as '/Ego*'; repeatable [all]",
-    )
+    parser.repeated("-t", "--topics", "PATTERN", "topics to record, such as '/Ego*'; repeatable [all]")
     parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
     add_bridge(parser, is_waiting=True)
     add_definitions(parser)

@@ -35,7 +35,7 @@ def make_topic() -> Parser:
     group, add, row = bridge_group("topic", "Topics of a rosbridge: list, show, measure and publish.")
 
     parser = row("list", "tools.topic.list_topics", "list all topics")
-    parser.add_argument("namespace", metavar="NAMESPACE", nargs="?", default="", help="only topics in it")
+    parser.option("namespace", "NAMESPACE", "only topics in it", nargs="?", default="")
     _add_verbose(parser, "with types, publishers and subscribers")
     add_types(parser)
     add_count(parser, "topics")
@@ -47,17 +47,15 @@ def make_topic() -> Parser:
     add_count(row("find", "tools.topic.find_topics", text, type_name="TYPE"), "topics")
 
     parser = add("echo", _echo, "print messages as they come")
-    parser.add_argument(
-        "name", metavar="NAME", help="a topic; or a topic and a field of it, such as /Ego_topic/position"
-    )
+    parser.option("name", "NAME", "a topic; or a topic and a field of it, such as /Ego_topic/position")
     _add_type(parser)
     parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
     parser.add_argument("--once", action="store_const", const=1, dest="count", help="end after the first")
-    parser.add_argument("--field", metavar="PATH", help="print only this field, such as a.b or list[0].c")
-    parser.add_argument("--csv", action="store_true", help="print all values of a message in a line, with commas")
-    parser.add_argument("-p", "--plot", action="store_true", help="the same with time and names, as rostopic echo -p")
-    parser.add_argument("--no-arr", "--noarr", action="store_true", help="print lengths in place of lists")
-    parser.add_argument("--no-str", "--nostr", action="store_true", help="print lengths in place of texts")
+    parser.option("--field", "PATH", "print only this field, such as a.b or list[0].c")
+    parser.switch("--csv", "print all values of a message in a line, with commas")
+    parser.switch("-p", "--plot", "the same with time and names, as rostopic echo -p")
+    parser.switch("--no-arr", "--noarr", "print lengths in place of lists")
+    parser.switch("--no-str", "--nostr", "print lengths in place of texts")
     add_bridge(parser, is_waiting=True)
     parser.set_defaults(end=0)
 
@@ -69,7 +67,7 @@ def make_topic() -> Parser:
         parser = add(name, "tools.hz.measure", text)
         parser.add_argument("name", metavar="NAME")
         _add_type(parser)
-        parser.add_argument("-w", "--window", type=_window, metavar="N", help="measure over the last N messages [all]")
+        parser.option("-w", "--window", "N", "measure over the last N messages [all]", type=_window)
         parser.add_argument("-n", "--count", type=_window, help="end after so many messages")
         add_bridge(parser, is_waiting=True)
         parser.set_defaults(end=0)
@@ -85,47 +83,31 @@ def _add_verbose(parser: Parser, text: str, flags: Sequence[str] = ("-v", "--ver
 def _add_pub(parser: Parser) -> None:
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("type_name", metavar="TYPE")
-    parser.add_argument(
-        "message",
-        metavar="MESSAGE",
-        nargs="*",
-        help="JSON or YAML, fields may be left out; or the values of all fields in order, as for rostopic pub",
-    )
+    about = "JSON or YAML, fields may be left out; or the values of all fields in order, as for rostopic pub"
+    parser.option("message", "MESSAGE", about, nargs="*")
     parser.add_argument("-1", "--once", action="store_const", const=1, dest="count", help="publish once, then end")
-    parser.add_argument("-n", "-t", "--count", "--times", type=COUNT, metavar="N", help="end after so many messages")
-    parser.add_argument("-r", "--rate", type=_hertz, metavar="HZ", help=f"messages per second [{DEFAULT_RATE:g}]")
-    parser.add_argument(
+    parser.option("-n", "-t", "--count", "--times", "N", "end after so many messages", type=COUNT)
+    parser.option("-r", "--rate", "HZ", f"messages per second [{DEFAULT_RATE:g}]", type=_hertz)
+    parser.option(
         "-w",
         "--wait-matching-subscriptions",
+        "N",
+        "wait until so many nodes subscribe; rosapi counts all clients of a rosbridge as one node [0]",
         dest="num_subscribers",
         type=make_number(0, 1e6, "a number of nodes", int),
         default=0,
-        metavar="N",
-        help="wait until so many nodes subscribe; rosapi counts all clients of a rosbridge as one node [0]",
     )
-    parser.add_argument(
-        "--max-wait-time-secs",
-        dest="wait",
-        type=SECONDS,
-        default=math.inf,
-        metavar="SECONDS",
-        help="longest wait for it [for ever]",
-    )
-    parser.add_argument(
-        "-l",
-        "--latch",
-        dest="is_latched",
-        action="store_true",
-        help="later subscribers get it, too; alone: publish once, then stay for them",
-    )
+    about = "longest wait for it [for ever]"
+    parser.option("--max-wait-time-secs", "SECONDS", about, dest="wait", type=SECONDS, default=math.inf)
+    about = "later subscribers get it, too; alone: publish once, then stay for them"
+    parser.switch("-l", "--latch", about, dest="is_latched")
     add_bridge(parser)
     parser.set_defaults(end=0)
 
 
 def _add_type(parser: Parser) -> None:
-    text = "type of a topic that does not exist yet"
-    parser.add_argument("type_name", metavar="TYPE", nargs="?", default=SUPPRESS, help=text)
-    parser.add_argument("--type", dest="type_name", metavar="TYPE", help="the same")
+    parser.option("type_name", "TYPE", "type of a topic that does not exist yet", nargs="?", default=SUPPRESS)
+    parser.option("--type", "TYPE", "the same", dest="type_name")
 
 
 def _echo(options: Options) -> int:
@@ -211,7 +193,7 @@ def make_layout() -> Parser:
         " > sim.rviz, then rviz -d sim.rviz. RViz 2 needs a server"
         " with --ros2-domain; RViz a bridge in ROS: rosbridge-sim attach URL --scene.",
     )
-    parser.add_argument("viewer", metavar="VIEWER", choices=("lichtblick", "rviz"), help="lichtblick or rviz")
+    parser.option("viewer", "VIEWER", "lichtblick or rviz", choices=("lichtblick", "rviz"))
     parser.add_argument(
         "--ros", type=int, choices=(1, 2), help="generation of ROS: RViz or RViz 2 [1, or the server's]"
     )
@@ -233,12 +215,6 @@ def make_wait() -> Parser:
         "Wait until a rosbridge accepts clients. Exit code 0: it does. 1: it did not in time.",
     )
     add_server(parser)
-    parser.add_argument(
-        "--timeout",
-        dest="patience",
-        type=SECONDS,
-        default=CALL_PATIENCE,
-        metavar="SECONDS",
-        help=f"longest wait [{CALL_PATIENCE:g}]",
-    )
+    about = f"longest wait [{CALL_PATIENCE:g}]"
+    parser.option("--timeout", "SECONDS", about, dest="patience", type=SECONDS, default=CALL_PATIENCE)
     return parser

@@ -84,14 +84,12 @@ class _WithoutEffect(argparse.Action):
 
 def add_count(parser: Parser, things: str) -> None:
     """Add the flag that prints a number in place of a list."""
-    text = f"print the number of {things}"
-    parser.add_argument("-c", "--count", f"--count-{things}", dest="is_count", action="store_true", help=text)
+    parser.switch("-c", "--count", f"--count-{things}", f"print the number of {things}", dest="is_count")
 
 
 def add_types(parser: Parser) -> None:
     """Add the flag that prints types behind names."""
-    text = "with types, in brackets"
-    parser.add_argument("-t", "--types", "--show-types", action="store_true", help=text)
+    parser.switch("-t", "--types", "--show-types", "with types, in brackets")
 
 
 def add_without_effect(parser: Parser, flags: Mapping[str, tuple[int | str | None, str]]) -> None:
@@ -120,7 +118,7 @@ def add_bridge(
     add_without_effect(parser, _WITHOUT_EFFECT)
     if is_waiting:
         text = "longest wait for a message, and for an answer; then end with code 1 and the reason"
-        parser.add_argument("--timeout", dest="patience", type=SECONDS, metavar="SECONDS", help=f"{text} [for ever]")
+        parser.option("--timeout", "SECONDS", f"{text} [for ever]", dest="patience", type=SECONDS)
         return
     add_patience(parser, patience, is_call=is_call)
 
@@ -128,13 +126,13 @@ def add_bridge(
 def add_patience(parser: Parser, patience: float = ANSWER_PATIENCE, *, is_call: bool = False) -> None:
     """Add the flag with the longest wait for an answer."""
     text = "longest time for the service; 0 is no limit" if is_call else "longest wait for an answer"
-    parser.add_argument(
+    parser.option(
         "--timeout",
+        "SECONDS",
+        f"{text} [{patience:g}]",
         dest="patience",
         type=SECONDS_OR_NONE if is_call else SECONDS,
         default=patience,
-        metavar="SECONDS",
-        help=f"{text} [{patience:g}]",
     )
 
 

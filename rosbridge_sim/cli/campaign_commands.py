@@ -16,38 +16,22 @@ def make_campaign() -> Parser:
 
     parser = add("run", "campaigns.campaign_run.run", "drive all runs of a campaign, and write tables and a report")
     _add_file(parser)
-    parser.add_argument(
-        "-o",
-        "--output",
-        metavar="DIR",
-        help="folder of the results, or an address such as s3://bucket/night [NAME_runs]",
-    )
+    parser.option("-o", "--output", "DIR", "folder of the results, or an address such as s3://bucket/night [NAME_runs]")
     num = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    parser.add_argument(
-        "--jobs",
-        type=make_number(1, 1_000, "a whole number from 1 to 1,000", int),
-        default=num,
-        metavar="N",
-        help="processes that drive [the number of cores]",
-    )
-    parser.add_argument(
+    about = "processes that drive [the number of cores]"
+    parser.option("--jobs", "N", about, type=make_number(1, 1_000, "a whole number from 1 to 1,000", int), default=num)
+    parser.option(
         "--retry-killed",
+        "N",
+        "times that a run is driven again whose worker was killed from outside, as without memory [1]",
         dest="num_retries",
         type=make_number(0, 100, "a whole number from 0 to 100", int),
         default=1,
-        metavar="N",
-        help="times that a run is driven again whose worker was killed from outside, as without memory [1]",
     )
-    parser.add_argument(
-        "--shard", type=_read_shard, metavar="I/N", help="drive every N-th run alone, from run I on; `merge` joins them"
-    )
-    parser.add_argument(
-        "--resume", dest="is_resumed", action="store_true", help="go on with the results that are there"
-    )
-    parser.add_argument("--dry-run", dest="is_dry", action="store_true", help="list the runs, and drive none")
-    parser.add_argument(
-        "--ray", metavar="ADDRESS|local", help="drive on a Ray cluster; needs the extra rosbridge-sim[ray]"
-    )
+    parser.option("--shard", "I/N", "drive every N-th run alone, from run I on; `merge` joins them", type=_read_shard)
+    parser.switch("--resume", "go on with the results that are there", dest="is_resumed")
+    parser.switch("--dry-run", "list the runs, and drive none", dest="is_dry")
+    parser.option("--ray", "ADDRESS|local", "drive on a Ray cluster; needs the extra rosbridge-sim[ray]")
     add_json(parser)
 
     parser = add(
@@ -83,8 +67,8 @@ def make_campaign() -> Parser:
     parser = add(
         "merge", "campaigns.campaign_run.merge", "join folders of results of one campaign, such as those of its shards"
     )
-    parser.add_argument("folders", nargs="+", metavar="DIR", help="folders of results")
-    parser.add_argument("-o", "--output", required=True, metavar="DIR", help="new folder of the results")
+    parser.option("folders", "DIR", "folders of results", nargs="+")
+    parser.option("-o", "--output", "DIR", "new folder of the results", required=True)
     add_json(parser)
 
     parser = add(
@@ -92,14 +76,9 @@ def make_campaign() -> Parser:
         "campaigns.campaign_results.compare",
         "list what changed between two folders of results, regressions first",
     )
-    parser.add_argument("before", metavar="BEFORE", help="folder of results")
-    parser.add_argument("after", metavar="AFTER", help="folder of results of the same campaign, or of one like it")
-    parser.add_argument(
-        "--allow-missing",
-        dest="may_lack",
-        action="store_true",
-        help="runs of BEFORE that AFTER does not have are no failure",
-    )
+    parser.option("before", "BEFORE", "folder of results")
+    parser.option("after", "AFTER", "folder of results of the same campaign, or of one like it")
+    parser.switch("--allow-missing", "runs of BEFORE that AFTER does not have are no failure", dest="may_lack")
     add_json(parser)
     return group
 
@@ -112,16 +91,14 @@ def _read_shard(text: str) -> tuple[int, int]:
 
 
 def _add_file(parser: Parser) -> None:
-    parser.add_argument("file", metavar="FILE.toml", help="file of the campaign")
+    parser.option("file", "FILE.toml", "file of the campaign")
 
 
 def _add_folder(parser: Parser) -> None:
-    parser.add_argument("folder", metavar="DIR", help="folder of results")
+    parser.option("folder", "DIR", "folder of results")
 
 
 def _add_run(parser: Parser) -> None:
     _add_folder(parser)
-    parser.add_argument(
-        "number", type=make_number(1, 100_000, "the number of a run", int), metavar="RUN", help="number of the run"
-    )
+    parser.option("number", "RUN", "number of the run", type=make_number(1, 100_000, "the number of a run", int))
     add_json(parser)

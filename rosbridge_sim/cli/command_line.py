@@ -173,15 +173,13 @@ def group_of(name: str, text: str, absent: Mapping[str, str] | None = None) -> t
 
 def add_json(parser: Parser) -> None:
     """Add the flag `--json`, for commands that print something."""
-    parser.add_argument("--json", action="store_true", help="print JSON for programs: one value, or one per line")
+    parser.switch("--json", "print JSON for programs: one value, or one per line")
 
 
 def add_definitions(parser: Parser) -> None:
     """Add the flags that select message definitions."""
     parser.add_argument("--release", help="MORAI SIM release of the messages")
-    parser.add_argument(
-        "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
-    )
+    parser.repeated("--schema-path", "DIR", "folder with ROS packages; may be repeated")
 
 
 def make_number(low: float, high: float, what: str, as_type: type[int | float]) -> Callable[[str], float]:

@@ -26,28 +26,27 @@ def make_contract() -> Parser:
     _add_server(parser, "the new file, such as robot.contract.yaml")
     add_patterns(parser)
     about = "share of its width by which a range is wider than what was seen, on both sides [0.1]"
-    parser.add_argument("--margin", type=_SHARE, default=0.1, metavar="SHARE", help=about)
-    about = "share by which rates may differ [0.2]"
-    parser.add_argument("--tolerance", type=_SHARE, default=0.2, metavar="SHARE", help=about)
+    parser.option("--margin", "SHARE", about, type=_SHARE, default=0.1)
+    parser.option("--tolerance", "SHARE", "share by which rates may differ [0.2]", type=_SHARE, default=0.2)
 
     parser = add("check", "contracts.contract_run.check_contract", "judge a rosbridge by a contract")
     _add_server(parser, "the contract")
     parser.epilog = "The exit code is 1 if a term is broken, and 2 after a mistake in the file or without a connection."
-    parser.add_argument("-v", "--verbose", action="store_true", help="print the terms that are kept, too")
-    parser.add_argument("--junit", dest="junit_path", type=Path, metavar="FILE", help="write JUnit XML, for CI")
+    parser.switch("-v", "--verbose", "print the terms that are kept, too")
+    parser.option("--junit", "FILE", "write JUnit XML, for CI", dest="junit_path", type=Path)
     return group
 
 
 def _add_server(parser: Parser, file: str) -> None:
-    parser.add_argument("url", metavar="URL", help="any rosbridge, such as ws://robot:9090")
-    parser.add_argument("file", metavar="FILE", help=file)
+    parser.option("url", "URL", "any rosbridge, such as ws://robot:9090")
+    parser.option("file", "FILE", file)
     add_watching(parser)
 
 
 def add_watching(parser: Parser) -> None:
     """Add the flags of commands that watch a system, but its URL."""
     about = f"time of watching; longer for topics that are slower [{WATCHING:g}]"
-    parser.add_argument("-d", "--duration", type=SECONDS, default=WATCHING, metavar="SECONDS", help=about)
+    parser.option("-d", "--duration", "SECONDS", about, type=SECONDS, default=WATCHING)
     add_token(parser)
     add_patience(parser)
     add_json(parser)
@@ -57,6 +56,4 @@ def add_patterns(parser: Parser) -> None:
     """Add the flags that select topics and services."""
     for what in ("topic", "service"):
         about = f"{what}s to take, such as '/camera/*'; may be repeated [all but those of ROS itself]"
-        parser.add_argument(
-            f"-{what[0]}", f"--{what}", dest=f"{what}s", action="append", default=[], metavar="PATTERN", help=about
-        )
+        parser.repeated(f"-{what[0]}", f"--{what}", "PATTERN", about, dest=f"{what}s")

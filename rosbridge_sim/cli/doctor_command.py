@@ -24,25 +24,20 @@ def make_doctor() -> Parser:
     parser = command_of("doctor", _run, text, end)
     url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
     about = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]".replace("%", "%%")
-    parser.add_argument("url", metavar="URL", nargs="?", default=url, help=about)
+    parser.option("url", "URL", about, nargs="?", default=url)
     add_token(parser)
     about = "longest wait for a frame"
-    parser.add_argument(
-        "--timeout", dest="patience", type=SECONDS, default=PATIENCE, metavar="SECONDS", help=f"{about} [{PATIENCE:g}]"
-    )
+    parser.option("--timeout", "SECONDS", f"{about} [{PATIENCE:g}]", dest="patience", type=SECONDS, default=PATIENCE)
     parser.add_argument("--ros", type=int, choices=(1, 2), help="generation of ROS behind the server [rosapi is asked]")
-    about = "only this section, check, or pattern such as topics/latch*; may be repeated"
-    parser.add_argument("--only", action="append", default=[], metavar="NAME", help=about)
-    parser.add_argument("--list", dest="is_list", action="store_true", help="list all checks with their sources")
-    about = "also send what no honest client sends; a good server keeps serving the others"
-    parser.add_argument("--hostile", action="store_true", help=about)
-    about = "also measure throughput and send large messages, which slow the server down for others"
-    parser.add_argument("--load", action="store_true", help=about)
+    parser.repeated("--only", "NAME", "only this section, check, or pattern such as topics/latch*; may be repeated")
+    parser.switch("--list", "list all checks with their sources", dest="is_list")
+    parser.switch("--hostile", "also send what no honest client sends; a good server keeps serving the others")
+    parser.switch("--load", "also measure throughput and send large messages, which slow the server down for others")
     about = "what --json printed in an earlier run: its differences are known, and no faults"
-    parser.add_argument("--baseline", type=Path, metavar="FILE", help=about)
-    parser.add_argument("-v", "--verbose", action="store_true", help="all checks, with the frames")
-    parser.add_argument("--markdown", dest="is_markdown", action="store_true", help="print Markdown, for an issue")
-    parser.add_argument("--junit", dest="junit_path", type=Path, metavar="FILE", help="write JUnit XML, for CI")
+    parser.option("--baseline", "FILE", about, type=Path)
+    parser.switch("-v", "--verbose", "all checks, with the frames")
+    parser.switch("--markdown", "print Markdown, for an issue", dest="is_markdown")
+    parser.option("--junit", "FILE", "write JUnit XML, for CI", dest="junit_path", type=Path)
     add_json(parser)
     return parser
 

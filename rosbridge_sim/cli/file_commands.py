@@ -14,23 +14,21 @@ def make_schema() -> Parser:
     group, add = group_of("schema", "Message, service and action definitions on this machine; no server is needed.")
 
     parser = add("list", "tools.schema.list_types", "list all known types")
-    parser.add_argument("package", metavar="PACKAGE", nargs="?", help="only the types of this package")
+    parser.option("package", "PACKAGE", "only the types of this package", nargs="?")
     _add_folders(parser)
 
     parser = add("show", "tools.schema.show_type", "print the definition of a type")
-    parser.add_argument("name", metavar="TYPE", help="pkg/Type, or Type of any package")
-    parser.add_argument("--full", action="store_true", help="with the definitions of all types in it")
+    parser.option("name", "TYPE", "pkg/Type, or Type of any package")
+    parser.switch("--full", "with the definitions of all types in it")
     _add_folders(parser)
 
     text = "print TypeScript declarations of a package, for roslib.js"
     parser = add("typescript", "tools.schema.write_typescript", text)
-    parser.add_argument("package", metavar="PACKAGE", help="such as morai_msgs")
+    parser.option("package", "PACKAGE", "such as morai_msgs")
     _add_choice(parser)
 
     parser = add("file", "tools.schema.show_file_schema", "print the JSON Schema of a file that you write, for editors")
-    parser.add_argument(
-        "name", metavar="NAME", help="campaign, contract, mock, scenario, sensor_noise, sensors or signal_plan"
-    )
+    parser.option("name", "NAME", "campaign, contract, mock, scenario, sensor_noise, sensors or signal_plan")
     return group
 
 
@@ -41,7 +39,7 @@ def _add_folders(parser: Parser) -> None:
 
 def _add_choice(parser: Parser) -> None:
     add_definitions(parser)
-    parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages")
+    parser.option("--ros", "1|2", "ROS generation of the standard messages")
 
 
 # interface
@@ -75,7 +73,7 @@ def make_interface() -> Parser:
         ("proto", "show_prototype", "print a message, request or goal with its default values"),
     ):
         parser = add(command, f"tools.schema.{work}", text)
-        parser.add_argument("name", metavar="TYPE", help="pkg/Type, pkg/msg/Type, or Type of any package")
+        parser.option("name", "TYPE", "pkg/Type, pkg/msg/Type, or Type of any package")
         _add_choice(parser)
     return group
 
@@ -92,33 +90,15 @@ def make_scenario() -> Parser:
         "files.scenario_report.check_scenarios",
         "explain a scenario file: its mistakes, its contents, and the keys that are used; or check several",
     )
-    parser.add_argument(
-        "names",
-        metavar="FILE",
-        nargs="+",
-        help="FILE.json, FILE.xosc, the name of a scenario as for a server, or a folder of scenarios",
-    )
-    parser.add_argument("--map", metavar="NAME|DIR", help="map to check it on [the map in the scenario]")
-    parser.add_argument(
-        "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
-    )
-    parser.add_argument(
-        "--catalogue", metavar="FILE", help="your own table of models, *.toml or *.csv, as for serve; lengths in metres"
-    )
-    parser.add_argument(
-        "--param",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="value of a parameter of a *.xosc",
-    )
-    parser.add_argument("--ego-entity", metavar="NAME", help="entity of a *.xosc that is the ego")
-    parser.add_argument(
-        "--lenient",
-        dest="is_lenient",
-        action="store_true",
-        help="what a *.xosc asks for and is not supported is left out, and no mistake",
-    )
+    about = "FILE.json, FILE.xosc, the name of a scenario as for a server, or a folder of scenarios"
+    parser.option("names", "FILE", about, nargs="+")
+    parser.option("--map", "NAME|DIR", "map to check it on [the map in the scenario]")
+    parser.repeated("--scenario-path", "DIR", "folder with scenarios; may be repeated")
+    parser.option("--catalogue", "FILE", "your own table of models, *.toml or *.csv, as for serve; lengths in metres")
+    parser.repeated("--param", "NAME=VALUE", "value of a parameter of a *.xosc")
+    parser.option("--ego-entity", "NAME", "entity of a *.xosc that is the ego")
+    about = "what a *.xosc asks for and is not supported is left out, and no mistake"
+    parser.switch("--lenient", about, dest="is_lenient")
     _add_picture(parser)
     _add_strict(parser)
     add_json(parser)
@@ -126,15 +106,11 @@ def make_scenario() -> Parser:
 
 
 def _add_picture(parser: Parser) -> None:
-    parser.add_argument("--picture", metavar="FILE.png", help="also draw a picture; FILE.jpg is possible, too")
+    parser.option("--picture", "FILE.png", "also draw a picture; FILE.jpg is possible, too")
 
 
 def _add_strict(parser: Parser) -> None:
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="exit with code 1 for remarks, too, not only for mistakes",
-    )
+    parser.switch("--strict", "exit with code 1 for remarks, too, not only for mistakes")
 
 
 # map
@@ -146,12 +122,8 @@ def make_map() -> Parser:
 
     text = "explain a map: its mistakes, missing parts and contents; or check several"
     parser = add("info", "files.map.show_maps", text)
-    parser.add_argument(
-        "names",
-        metavar="DIR|NAME",
-        nargs="+",
-        help="a folder of MGeo files, an OpenDRIVE file (.xodr), a folder of such, or a built-in map",
-    )
+    about = "a folder of MGeo files, an OpenDRIVE file (.xodr), a folder of such, or a built-in map"
+    parser.option("names", "DIR|NAME", about, nargs="+")
     _add_picture(parser)
     _add_strict(parser)
     add_json(parser)
@@ -168,8 +140,8 @@ def make_docs() -> Parser:
         _show_docs,
         "List the documentation pages in the package, or print one of them.",
     )
-    parser.add_argument("name", metavar="PAGE", nargs="?", help="a page to print, such as tutorial or guides/ci")
-    parser.add_argument("--open", action="store_true", help="open the site in a browser, if mkdocs has built it")
+    parser.option("name", "PAGE", "a page to print, such as tutorial or guides/ci", nargs="?")
+    parser.switch("--open", "open the site in a browser, if mkdocs has built it")
     add_json(parser)
     return parser
 

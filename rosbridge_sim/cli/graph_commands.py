@@ -22,7 +22,7 @@ def make_node() -> Parser:
     group, _, row = bridge_group("node", text, absent)
 
     parser = row("list", "tools.node.list_nodes", "list all nodes")
-    parser.add_argument("-a", "--all", action="store_true", help="the same: rosapi lists no hidden nodes")
+    parser.switch("-a", "--all", "the same: rosapi lists no hidden nodes")
     add_count(parser, "nodes")
     row("info", "tools.node.show_node", "show topics and services of a node", name="NODE")
     return group
@@ -38,7 +38,7 @@ def make_param() -> Parser:
     group, add, row = bridge_group("param", text, absent)
 
     parser = row("list", "tools.param.list_parameters", "list all parameters")
-    parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="of this one alone [all]")
+    parser.option("inner", "NODE|NAMESPACE", "of this one alone [all]", nargs="?", default="")
 
     for name, words, text in (
         ("get", "[NODE] NAME", "print a parameter's value"),
@@ -49,15 +49,14 @@ def make_param() -> Parser:
         parser.add_argument("given", metavar=words, nargs="*")
         parser.set_defaults(words=words)
         if name == "get":
-            about = "print the value alone, also behind a node"
-            parser.add_argument("--hide-type", dest="is_bare", action="store_true", help=about)
+            parser.switch("--hide-type", "print the value alone, also behind a node", dest="is_bare")
         add_bridge(parser)
 
     text = "show type and constraints of a node's parameters (ROS 2)"
     parser = row("describe", "tools.param.describe", text, node="NODE")
     parser.add_argument("names", metavar="NAME", nargs="+")
     parser = row("dump", "tools.param.dump", "print all values as YAML")
-    parser.add_argument("inner", metavar="NODE|NAMESPACE", nargs="?", default="", help="of this one alone [all]")
+    parser.option("inner", "NODE|NAMESPACE", "of this one alone [all]", nargs="?", default="")
     return group
 
 
@@ -86,10 +85,8 @@ def make_action() -> Parser:
 
     parser = add("send_goal", _send_goal, "send a goal, and wait for its result; Ctrl-C cancels it")
     parser.add_argument("name", metavar="NAME")
-    parser.add_argument(
-        "words", metavar="[TYPE] GOAL", nargs="*", help="the goal is JSON or YAML; fields may be left out"
-    )
-    parser.add_argument("-f", "--feedback", action="store_true", help="print the feedback, too")
+    parser.option("words", "[TYPE] GOAL", "the goal is JSON or YAML; fields may be left out", nargs="*")
+    parser.switch("-f", "--feedback", "print the feedback, too")
     add_bridge(parser)
     return group
 

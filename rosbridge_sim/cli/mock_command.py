@@ -21,7 +21,7 @@ def make_mock() -> Parser:
     parser.add_argument("files", metavar="FILE.yaml", nargs="+")
     add_json(parser)
     add_definitions(parser)
-    parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages")
+    parser.option("--ros", "1|2", "ROS generation of the standard messages")
     _add_capture(
         add("capture", "mock.capture_run.capture_mock", "watch a running system or a bag, and write a mock of it")
     )
@@ -29,20 +29,20 @@ def make_mock() -> Parser:
     parser = add(
         "fault", "mock.mock_fault.switch_fault", "switch a fault of a running mock, or add one, and list all faults"
     )
-    parser.add_argument("name", metavar="NAME", nargs="?", help="of the fault; without it only list them")
+    parser.option("name", "NAME", "of the fault; without it only list them", nargs="?")
     about = "on, off, or a new fault such as '{kind: drop, topics: [/scan], probability: 0.5}'"
-    parser.add_argument("words", metavar="on|off|RULE", nargs="*", help=about)
+    parser.option("words", "on|off|RULE", about, nargs="*")
     add_bridge(parser)
     add("run", _run_elsewhere, "run a mock: mock run FILE; its flags are those of serve")
     return group
 
 
 def _add_capture(parser: Parser) -> None:
-    parser.add_argument("source", metavar="URL|BAG", help="a rosbridge; or NAME.bag, NAME.mcap or a folder of rosbag2")
-    parser.add_argument("-o", "--output", dest="file", metavar="FILE", required=True, help="the new file")
+    parser.option("source", "URL|BAG", "a rosbridge; or NAME.bag, NAME.mcap or a folder of rosbag2")
+    parser.option("-o", "--output", "FILE", "the new file", dest="file", required=True)
     add_watching(parser)
     add_patterns(parser)
     about = "call this service, which must only read, without arguments, and write its answer; may be repeated"
-    parser.add_argument("--call", dest="calls", action="append", default=[], metavar="NAME", help=about)
+    parser.repeated("--call", "NAME", about, dest="calls")
     add_definitions(parser)
-    parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages [that of the types]")
+    parser.option("--ros", "1|2", "ROS generation of the standard messages [that of the types]")

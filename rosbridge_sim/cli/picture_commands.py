@@ -41,9 +41,7 @@ def make_shot() -> Parser:
         " rosbridge-sim shot --camera Camera -o out.png",
     )
     _add_picture(parser, "a scenario; without it and without --recording a camera of the simulator at --url")
-    parser.add_argument(
-        "-o", "--out", type=Path, required=True, metavar="FILE", help="*.png, *.jpg, *.webp or another picture"
-    )
+    parser.option("-o", "--out", "FILE", "*.png, *.jpg, *.webp or another picture", type=Path, required=True)
     add_bridge(parser)
     return parser
 
@@ -58,9 +56,9 @@ def make_clip() -> Parser:
         epilog="For example: rosbridge-sim clip --scenario town --traffic 60 --at 20 -o town.webp",
     )
     _add_picture(parser, "scenario, as for serve")
-    parser.add_argument("--seconds", type=_seconds, default=6.0, metavar="S", help="length, in simulated time [6]")
-    parser.add_argument("--fps", type=_rate, default=10.0, metavar="N", help="pictures a second [10]")
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="*.webp, *.gif or *.png (APNG)")
+    parser.option("--seconds", "S", "length, in simulated time [6]", type=_seconds, default=6.0)
+    parser.option("--fps", "N", "pictures a second [10]", type=_rate, default=10.0)
+    parser.option("-o", "--out", "FILE", "*.webp, *.gif or *.png (APNG)", type=Path, required=True)
     add_json(parser)
     return parser
 

@@ -15,7 +15,7 @@ def make_ros1() -> Parser:
         "tell why nodes that are started in this terminal see nothing of a server, or see it twice: master, server,"
         " address, own name, types, clock",
     )
-    parser.add_argument("--master", default="env", metavar="URL", help="of the master [ROS_MASTER_URI]")
+    parser.option("--master", "URL", "of the master [ROS_MASTER_URI]", default="env")
     parser.add_argument("--name", default="/rosbridge_sim", help="of the server's node [%(default)s]")
     add_json(parser)
     return group

@@ -22,19 +22,13 @@ def make_ros2() -> Parser:
         "tell why nodes that are started in this terminal see nothing of a server, or see it twice: domain, range,"
         " interface, quality of service, type hash, publishers",
     )
-    parser.add_argument("--domain", type=_domain, metavar="N", help="of the server [ROS_DOMAIN_ID, or 0]")
+    parser.option("--domain", "N", "of the server [ROS_DOMAIN_ID, or 0]", type=_domain)
     parser.add_argument(
         "--distro",
         choices=("humble", "iron", "jazzy", "kilted", "rolling"),
         help="distribution of the nodes [ROS_DISTRO, or jazzy]",
     )
-    parser.add_argument(
-        "--wait",
-        dest="patience",
-        type=SECONDS,
-        default=DEFAULT_PATIENCE,
-        metavar="SECONDS",
-        help="for the server [%(default)s]",
-    )
+    about = "for the server [%(default)s]"
+    parser.option("--wait", "SECONDS", about, dest="patience", type=SECONDS, default=DEFAULT_PATIENCE)
     add_json(parser)
     return group

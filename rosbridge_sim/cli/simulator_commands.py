@@ -32,21 +32,10 @@ def make_tick() -> Parser:
         epilog="With --start, the mode is ended afterwards if it was off before. If it was on, only the connection is"
         " closed, and the server's --sync-on-loss applies (wait: the world stands until the next tick --start).",
     )
-    parser.add_argument("count", metavar="N", nargs="?", type=COUNT, default=1, help="ticks [1]")
-    parser.add_argument(
-        "--start", dest="is_starting", action="store_true", help="become the master first; end the mode afterwards"
-    )
-    parser.add_argument(
-        "--id", dest="user_id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]"
-    )
-    parser.add_argument(
-        "--step",
-        dest="step_ms",
-        type=_step_ms,
-        default=20,
-        metavar="MS",
-        help="length of a tick, a multiple of 20 [20]",
-    )
+    parser.option("count", "N", "ticks [1]", nargs="?", type=COUNT, default=1)
+    parser.switch("--start", "become the master first; end the mode afterwards", dest="is_starting")
+    parser.option("--id", "ID", f"user id of the master [{TICK_ID}]", dest="user_id", default=TICK_ID)
+    parser.option("--step", "MS", "length of a tick, a multiple of 20 [20]", dest="step_ms", type=_step_ms, default=20)
     add_bridge(parser, CALL_PATIENCE)
     return parser
 
@@ -68,19 +57,16 @@ def make_step() -> Parser:
         epilog="Each step is a tick of the master's time step. With --start the mode is ended again, unless it was on"
         " before; see rosbridge-sim tick --help.",
     )
-    parser.add_argument("-n", "--n", type=_steps, default=1, metavar="N", help="steps, 1 to 1,000 [1]")
-    parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
-    text = f"user id of the master [{TICK_ID}]"
-    parser.add_argument("--user", "--id", default=TICK_ID, metavar="ID", help=text)
-    parser.add_argument("--step", type=_step_ms, default=20, metavar="MS", help="length of a step with --start [20]")
-    parser.add_argument("--ego", type=_ego, default=0, metavar="N", help="number of the ego that is driven [0]")
-    parser.add_argument("--throttle", type=_pedal, metavar="0..1", help="drive by pedals in all steps")
-    parser.add_argument("--brake", type=_pedal, metavar="0..1", help="the same")
-    parser.add_argument("--steering", type=_angle, metavar="RAD", help="angle of the front wheels, left positive")
-    parser.add_argument("--velocity", type=_kmh, metavar="KM/H", help="drive at a speed, in place of the pedals")
-    parser.add_argument(
-        "--topic", action="append", default=[], metavar="TOPIC", help="show its last message, too; repeatable"
-    )
+    parser.option("-n", "--n", "N", "steps, 1 to 1,000 [1]", type=_steps, default=1)
+    parser.switch("--start", "become the master first, and end the mode at the end")
+    parser.option("--user", "--id", "ID", f"user id of the master [{TICK_ID}]", default=TICK_ID)
+    parser.option("--step", "MS", "length of a step with --start [20]", type=_step_ms, default=20)
+    parser.option("--ego", "N", "number of the ego that is driven [0]", type=_ego, default=0)
+    parser.option("--throttle", "0..1", "drive by pedals in all steps", type=_pedal)
+    parser.option("--brake", "0..1", "the same", type=_pedal)
+    parser.option("--steering", "RAD", "angle of the front wheels, left positive", type=_angle)
+    parser.option("--velocity", "KM/H", "drive at a speed, in place of the pedals", type=_kmh)
+    parser.repeated("--topic", "TOPIC", "show its last message, too; repeatable")
     parser.add_argument(
         "--stop-on",
         action="append",
@@ -88,10 +74,8 @@ def make_step() -> Parser:
         choices=("collision", "red-light", "off-road"),
         help="end with the step in which this happens to an ego; repeatable",
     )
-    parser.add_argument(
-        "--stop-after", type=_metres, default=0.0, metavar="M", help="end when an ego has driven so far"
-    )
-    parser.add_argument("--stop-at", metavar="X,Y,RADIUS", help="end when an ego is so near to a place [m]")
+    parser.option("--stop-after", "M", "end when an ego has driven so far", type=_metres, default=0.0)
+    parser.option("--stop-at", "X,Y,RADIUS", "end when an ego is so near to a place [m]")
     add_bridge(parser, CALL_PATIENCE)
     return parser
 
@@ -150,9 +134,9 @@ def make_score() -> Parser:
         "Show what the driver of each ego is judged by: distance, collisions, red lights, lanes, comfort.",
         epilog="A simulator keeps scores from the first question on, or from its start with serve --score.",
     )
-    parser.add_argument("--follow", action="store_true", help="go on, with a line for each ego once a second")
+    parser.switch("--follow", "go on, with a line for each ego once a second")
     parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages; with --follow")
-    parser.add_argument("--reset", action="store_true", help="begin all counts anew, after showing them")
+    parser.switch("--reset", "begin all counts anew, after showing them")
     add_bridge(parser)
     parser.set_defaults(end=0)
     return parser
@@ -186,10 +170,10 @@ def make_snapshot() -> Parser:
         _snapshot,
         "Save the state of a simulator, so that `restore` can go back to it; or list what is saved.",
     )
-    parser.add_argument("--id", default="", metavar="ID", help="name of the snapshot [one that the server chooses]")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write it into a file, too, such as start.rbsim")
-    parser.add_argument("--list", action="store_true", help="show the snapshots that are kept, and take none")
-    parser.add_argument("--remove", action="append", default=[], metavar="ID", help="remove one, then list; repeatable")
+    parser.option("--id", "ID", "name of the snapshot [one that the server chooses]", default="")
+    parser.option("--out", "FILE", "write it into a file, too, such as start.rbsim", type=Path)
+    parser.switch("--list", "show the snapshots that are kept, and take none")
+    parser.repeated("--remove", "ID", "remove one, then list; repeatable")
     add_bridge(parser, CALL_PATIENCE)
     return parser
 
@@ -209,12 +193,8 @@ def make_restore() -> Parser:
         "tools.snapshot_tool.restore",
         "Return a simulator to a snapshot. In synchronous mode only its master may do so.",
     )
-    parser.add_argument(
-        "name", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
-    )
-    parser.add_argument(
-        "--user", dest="user_id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]"
-    )
+    parser.option("name", "ID|FILE", "name of a snapshot that the server keeps, or a file of `snapshot --out`")
+    parser.option("--user", "ID", f"user id of the master [{TICK_ID}]", dest="user_id", default=TICK_ID)
     add_bridge(parser, CALL_PATIENCE)
     return parser
 
@@ -228,7 +208,7 @@ def make_spawn() -> Parser:
         epilog="For example: rosbridge-sim spawn 'kia k5' --lane R0010L1 --distance 20 --behaviour lane;"
         " rosbridge-sim spawn Pedestrian --at 10,5,90 --speed 1.2",
     )
-    parser.add_argument("model", metavar="MODEL", help="name of the catalogue; 'service call /sim/catalogue' lists all")
+    parser.option("model", "MODEL", "name of the catalogue; 'service call /sim/catalogue' lists all")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(
         "--at",
@@ -237,16 +217,12 @@ def make_spawn() -> Parser:
         help="on the map, in metres and degrees; write --at=-5,2 for a minus",
     )
     where.add_argument("--lane", metavar="LINK", help="on this link of the map")
-    parser.add_argument(
-        "--distance", type=_number, default=0.0, metavar="M", help="from the beginning of the link, with --lane [0]"
-    )
-    parser.add_argument(
-        "--lateral", type=_number, default=0.0, metavar="M", help="to the left of the link's line, with --lane [0]"
-    )
-    parser.add_argument("--speed", type=_number, default=0.0, metavar="M/S", help="at the start [0]")
+    parser.option("--distance", "M", "from the beginning of the link, with --lane [0]", type=_number, default=0.0)
+    parser.option("--lateral", "M", "to the left of the link's line, with --lane [0]", type=_number, default=0.0)
+    parser.option("--speed", "M/S", "at the start [0]", type=_number, default=0.0)
     parser.add_argument("--behaviour", choices=BEHAVIOURS, help="[straight with a speed, else stand]")
-    parser.add_argument("--route", type=_links, default=[], metavar="LINK,...", help="for lane: links to follow")
-    parser.add_argument("--ego", action="store_true", help="a further ego, with topics of its own; MODEL is a vehicle")
+    parser.option("--route", "LINK,...", "for lane: links to follow", type=_links, default=[])
+    parser.switch("--ego", "a further ego, with topics of its own; MODEL is a vehicle")
     add_bridge(parser)
     return parser
 
@@ -301,6 +277,6 @@ def make_sensor() -> Parser:
         epilog="For example: rosbridge-sim sensor list",
     )
     parser.add_argument("what", choices=("list",), help="what to do")
-    parser.add_argument("--ego", type=int, default=0, metavar="N", help="number of the ego [0]")
+    parser.option("--ego", "N", "number of the ego [0]", type=int, default=0)
     add_bridge(parser)
     return parser

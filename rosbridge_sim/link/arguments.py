@@ -7,7 +7,7 @@ import re
 import shutil
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.urls import hide_in_words
@@ -30,6 +30,20 @@ class Parser(argparse.ArgumentParser):
     """
 
     absent: Mapping[str, str] = MappingProxyType({})
+
+    def option(self, *words: str, **more: Any) -> None:  # noqa: ANN401 - as `add_argument` takes them
+        """Add a flag with a value, or a word: its names, the sign of its value, and the help."""
+        *names, sign, text = words
+        self.add_argument(*names, metavar=sign, help=text, **more)
+
+    def repeated(self, *words: str, **more: Any) -> None:  # noqa: ANN401 - as above
+        """Add a flag that may be given several times: its names, the sign of a value, and the help."""
+        self.option(*words, action="append", default=[], **more)
+
+    def switch(self, *words: str, **more: Any) -> None:  # noqa: ANN401 - as above
+        """Add a flag without a value: its names, and the help."""
+        *names, text = words
+        self.add_argument(*names, action="store_true", help=text, **more)
 
     def error(self, message: str) -> NoReturn:
         """Report a mistake. The library calls this.
