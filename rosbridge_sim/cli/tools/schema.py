@@ -15,6 +15,7 @@ from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.printable import printable
 from rosbridge_sim.schema.definitions.parse import Definition
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typescript import declare_package
@@ -56,7 +57,7 @@ def show_file_schema(name: str) -> int:
     """
     files = {path.name.removesuffix(SUFFIX): path for path in sorted(SCHEMAS.glob(f"*{SUFFIX}"))}
     if name not in files:
-        raise RefusedError(f"expected one of {', '.join(files)}, got {safe(name)!r}{hint(name, files)}")
+        raise RefusedError(f"expected one of {', '.join(files)}, got {printable(safe(name), 60)!r}{hint(name, files)}")
     put(files[name].read_text("utf-8").rstrip())
     return 0
 
