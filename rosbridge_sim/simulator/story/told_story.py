@@ -21,9 +21,9 @@ from rosbridge_sim.scenarios.openscenario.story import each_item
 from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryItem
 from rosbridge_sim.scenarios.openscenario.story_signals import lamps_of, start_phase
 from rosbridge_sim.scenarios.openscenario.story_weather import find_friction, find_weather
-from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboard
-from rosbridge_sim.scenarios.scenario import Spawn
-from rosbridge_sim.simulator.scene.scene import Scene
+from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboard, kind_of
+from rosbridge_sim.scenarios.scenario import Driver, Spawn
+from rosbridge_sim.simulator.scene.scene import Scene, lane_start
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES
 from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STANDS, STORY, STORY_STEP, Cast, StoryActor
 from rosbridge_sim.simulator.story.conditions import measure
@@ -126,9 +126,9 @@ class ToldStory:
         self.board.state = state.board
         self._keep(list(state.running))
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
-        self._cast = Cast(self._world, self._map, state.actors, self.story.holds)
+        self._cast = Cast(self._world, self._map, state.actors, bodies, self.story.holds)
         sees = self._shows, self._is_in_phase, self.time
-        self._stage = Stage(self._cast, Measures(self._cast, bodies), bodies, self.board, state.values, *sees)
+        self._stage = Stage(self._cast, Measures(self._cast), self.board, state.values, *sees)
 
     def _link(self) -> None:
         """Find the actors in the world, by their names."""
@@ -397,13 +397,15 @@ class ToldStory:
 
     def _shows(self, name: str, text: str) -> bool:
         """Return whether a light is in a state: the one that the story has set, or the one that it shows."""
-        if name in self.state.lights:
-            return self.state.lights[name] == text
         row, signals = self._row_of_light(name), self._world.signals
+        lamps = () if row is None else (signals.plan.lights[row].lamps,)
         try:
-            return row is not None and int(signals.shown[row]) == lamps_of(text, signals.plan.lights[row].lamps)
+            wanted = lamps_of(text, *lamps)
         except DocumentError:  # `--lenient` keeps a condition whose state is none
             return False
+        if name in self.state.lights:
+            return lamps_of(self.state.lights[name], *lamps) == wanted
+        return row is not None and int(signals.shown[row]) == wanted
 
     def _row_of_controller(self, name: str) -> int:
         return list(self.story.controllers).index(name)  # those of the story are the first ones of the plan

@@ -161,6 +161,21 @@ def test_the_next_scenario_has_the_lights_of_the_map_and_a_part_of_one_keeps_tho
     assert [each.name for each in context.world.signals.plan.controllers] == ["crossing"]
 
 
+@pytest.mark.parametrize(("shown", "asked"), [("red", "on;off;off"), ("on;off;off", "red"), ("off;off;on", "green")])
+@pytest.mark.parametrize("light", ["light", "arrow", "elsewhere"])
+def test_a_state_of_a_light_is_the_same_in_either_spelling(light: str, shown: str, asked: str) -> None:
+    state, condition = (each.replace('"light"', f'"{light}"') for each in (STATE, IS_STATE))
+    events = (
+        event("show", infrastructure(state.format(shown)), after(0.1)),
+        event("seen", speed(5), by_value(condition.format(asked))),
+        event("other", speed(7), by_value(condition.format("yellow"))),
+    )
+    telling = Telling(story(EGO, group("Ego", *events)))
+    telling.run(0.4)
+    assert telling.began("Event", "seen")
+    assert not telling.began("Event", "other")
+
+
 STATE = '<TrafficSignalStateAction name="light" state="{}"/>'
 IS_STATE = '<TrafficSignalCondition name="light" state="{}"/>'
 
