@@ -64,7 +64,7 @@ class VehicleWhen(When, frozen=True, kw_only=True):
 
 
 class VehicleEvent(Table, frozen=True, kw_only=True):
-    """One change of lane or speed. After it the vehicle follows its lane, at most with the speed that it has then."""
+    """One change of lane or speed. After it the vehicle drives on as before; with the new speed, if it got one."""
 
     when: VehicleWhen
     change_lane: Annotated[Literal["left", "right"] | None, Meta(description="to the lane beside its own")] = None

@@ -426,7 +426,7 @@ def populate(world: World, load: Load, plan: SignalPlan, next_uid: int, limits: 
         for spawn, uid in zip(load.others, uids, strict=True):
             _spawn_off_lanes(world, spawn, uid, spawn.gear)
             if spawn.driver is not None:
-                starts.append(_lane_start(world.row(uid), spawn, spawn.driver))
+                starts.append(lane_start(world.row(uid), spawn, spawn.driver))
         keep_lanes(world, starts)
     return next_uid
 
@@ -505,10 +505,11 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
     """Add an entity to the world, on its lane if it has one."""
     _spawn_off_lanes(world, spawn, uid, gear)
     if spawn.driver is not None:
-        keep_lanes(world, [_lane_start(world.row(uid), spawn, spawn.driver)])
+        keep_lanes(world, [lane_start(world.row(uid), spawn, spawn.driver)])
 
 
-def _lane_start(row: int, spawn: Spawn, driver: Driver) -> LaneStart:
+def lane_start(row: int, spawn: Spawn, driver: Driver) -> LaneStart:
+    """Return how a vehicle of a scenario begins to follow lanes."""
     is_loop = spawn.is_loop and len(driver.route) > 0
     return LaneStart(
         *(row, driver.lane, driver.s, driver.desired_speed, driver.route, is_loop),

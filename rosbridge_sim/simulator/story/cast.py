@@ -17,11 +17,13 @@ import numpy as np
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
-from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.drivers.lane_position import MAX_LATERAL, LaneStart, keep_lanes
 from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.lane_changes.lane_change_motion import shift
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
-from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Kind, World
+from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Body, Kind, World
 
 STORY: Final = "story"
 PROGRAM: Final = "program"
@@ -30,6 +32,9 @@ MODES: Final = frozenset({STORY, PROGRAM, DRIVER})
 
 STANDS: Final = 0.01
 """A lower speed counts as standing [m/s]."""
+
+ON_LINE: Final = 0.01
+"""An offset that differs by less from that of the driver is the driver's [m]."""
 
 STORY_STEP: Final = 0.05
 """Length of a step of a story [s]: that of the runs of esmini and CARLA that files are written and checked with."""
@@ -51,6 +56,7 @@ class StoryActor:
         lane, s, offset, turned: where it is on a lane, see `OnLane`.
         x, y, z, yaw, roll, pitch: where it is in the map frame [m, rad].
         speed, way_speed: along its heading, and with which it moves in this step [m/s].
+        told_speed: the speed that an action has given it last; None before [m/s].
         accel: [m/s^2].
         aside: speed to the left of its lane [m/s].
         travelled: way since the start [m].
@@ -76,6 +82,7 @@ class StoryActor:
     pitch: float = 0.0
     speed: float = 0.0
     way_speed: float | None = None
+    told_speed: float | None = None
     accel: float = 0.0
     aside: float = 0.0
     travelled: float = 0.0
@@ -167,17 +174,29 @@ class Cast:
         speed = max(-MAX_SPEED, min(MAX_SPEED, actor.speed))
         (teleport if actor.mode == PROGRAM else place_ghost)(self.world, row, **pose, speed=speed)
 
-    def hand_over(self, actor: StoryActor) -> None:
-        """Have a driver of the world drive a vehicle along the lanes; an ego, or one off the lanes, stays as it is."""
-        row = self.world.row(actor.uid)
-        if actor.lane < 0 or self.world.kind[row] != Kind.VEHICLE or abs(actor.turned) > math.pi / 4:
+    def hand_over(self, actor: StoryActor, driver: LaneStart | None = None) -> None:
+        """Have a driver of the world drive a vehicle along the lanes; an ego, or one off the lanes, stays as it is.
+
+        Args:
+            driver: how it drives; its own speed and route if there is none. Of the route the rest is driven, if the
+                vehicle is on it. Lane and place are those that the actor has.
+        """
+        row, world = self.world.row(actor.uid), self.world
+        if actor.lane < 0 or world.kind[row] != Kind.VEHICLE or abs(actor.turned) > math.pi / 4:
             return
-        route = actor.route[actor.route.index(actor.lane) :] if actor.lane in actor.route else ()
-        teleport(self.world, row, x=actor.x, y=actor.y, z=actor.z, yaw=actor.yaw, speed=max(actor.speed, 0.0))
-        keep_lanes(self.world, [LaneStart(row, actor.lane, actor.s, max(actor.speed, STANDS), route, lateral=0.0)])
+        driver = driver or LaneStart(row, actor.lane, actor.s, max(actor.speed, STANDS), actor.route)
+        at = driver.route.index(actor.lane) if actor.lane in driver.route else len(driver.route)
+        route = driver.route[at:] + (driver.route[:at] if driver.is_loop and at < len(driver.route) else ())
+        offset = max(-MAX_LATERAL, min(MAX_LATERAL, actor.offset))
+        lateral = driver.lateral if abs(offset - driver.lateral) < ON_LINE else offset
+        teleport(world, row, x=actor.x, y=actor.y, z=actor.z, yaw=actor.yaw, speed=max(actor.speed, 0.0))
+        place = {"lane": actor.lane, "s": actor.s, "lateral": lateral}
+        keep_lanes(world, [replace(driver, **place, route=route, is_loop=driver.is_loop and bool(route))])
+        world.lateral_bias[row] = driver.lateral
+        shift(world, np.array([row]), np.array([driver.lateral]))
         actor.mode = DRIVER
 
-    def observe(self, later: float) -> None:
+    def observe(self, later: float, touched: Iterable[tuple[int, int]], *, minds_lanes: bool) -> None:
         """Look where those actors are that the story does not move, and which of all stand still.
 
         Args:

@@ -147,6 +147,7 @@ def _begin_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     if shape != "step" and most > 0.0:
         length = max(length, _PEAK[shape] * abs(change) / most)
     running.numbers = {"from": actor.speed, "to": goal, "length": length, "at": 0.0}
+    actor.told_speed = goal
     if actor.mode == PROGRAM:
         actor.speed = goal
         return True

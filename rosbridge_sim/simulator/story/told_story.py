@@ -189,26 +189,39 @@ class ToldStory:
 
     def tell(self) -> None:
         """Begin the next step, behind a frame, if the next frame ends in it."""
-        step = math.ceil(self._steps() - SAME_TIME) - 1
-        if step > self.state.step:
-            self.state.step = step
+        step, state = math.ceil(self._steps() - SAME_TIME) - 1, self.state
+        if "CollisionCondition" in self._looks_at:
+            pairs = ((one, other) for one, other in self._world.contacts.tolist())
+            state.touched = list(dict.fromkeys((*state.touched, *pairs)))
+        if step > state.step:
+            state.step = step
             if self.story.is_of_blocks:
                 self._hand_back()
-            self._cast.observe(self.time() - (self._world.frame - self.state.start) * DT)
+            later = self.time() - (self._world.frame - state.start) * DT
+            self._cast.observe(later, state.touched, minds_lanes="OffroadCondition" in self._looks_at)
+            state.touched = []
             self._advance()
-        for name, text in self.state.lights.items():
+        for name, text in state.lights.items():
             if self._row_of_light(name) is not None:
                 self._light(name, text)
 
     def _hand_back(self) -> None:
-        """Have the world drive the vehicles whose events are over; one that was told to stand stays so."""
+        """Have the world drive the vehicles whose events are over, as before; one that was told to stand stays so."""
         world, busy = self._world, {running.entity for running in self.state.running}
         for name, actor in self.state.actors.items():
-            if actor.mode == STORY and actor.uid in world and actor.speed >= STANDS and name not in busy:
+            if actor.mode != STORY or actor.uid not in world or name in busy:
+                continue
+            spawn = self._spawns[name]
+            driver = lane_start(world.row(actor.uid), spawn, spawn.driver or Driver(spawn.speed))
+            if actor.travelled:
+                driver = replace(driver, start_within=0.0)
+            if actor.told_speed is not None:
+                driver = replace(driver, desired_speed=actor.told_speed)
+            if driver.desired_speed >= STANDS:
                 for axis in POSE:  # where the last frame has shown it
                     setattr(actor, axis, getattr(world, axis).item(world.row(actor.uid)))
                 self._cast.take_lane(actor)
-                self._cast.hand_over(actor)
+                self._cast.hand_over(actor, driver)
 
     def move(self) -> None:
         """Show the actors where they are at the end of a frame, within the world's step."""
@@ -444,7 +457,7 @@ class ToldStory:
                 and 0.0 <= actor.s <= (self._map.roads.length[actor.lane] if actor.lane >= 0 else 0.0)
                 and max(map(abs, (actor.x, actor.y, actor.z, actor.offset, *actor.shown[:3]))) <= MAX_COORDINATE
                 and len(actor.shown) in {0, len(POSE)}
-                and max(abs(actor.speed), abs(actor.way_speed or 0.0)) <= MAX_SPEED
+                and max(map(abs, (actor.speed, actor.way_speed or 0.0, actor.told_speed or 0.0))) <= MAX_SPEED
                 and all(0 <= lane < len(self._map.roads) for lane in actor.route)
                 for actor in state.actors.values()
             )

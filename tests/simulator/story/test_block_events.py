@@ -95,6 +95,53 @@ def test_a_car_changes_lane_when_the_ego_is_near_and_drives_on() -> None:
     assert world.speed[1] == pytest.approx(50 / 3.6, abs=0.2)
 
 
+def test_a_vehicle_drives_on_with_the_speed_that_it_wants() -> None:
+    change = {"events": [{"when": {"time": 0.2}, "change_lane": "left", "seconds": 2}]}
+    node = begin(scene(car(change, ratio=0.4, currentVelocity=15)))
+    world = node.context.world
+    run(node, 3 * 50)
+    assert not world.is_ghost[1]
+    run(node, 12 * 50)
+    assert world.speed[1] == pytest.approx(50 / 3.6, abs=0.5)
+
+
+def test_a_vehicle_keeps_the_speed_of_its_last_event_and_what_its_item_says() -> None:
+    events = [
+        {"when": {"time": 0.2}, "speed_kmh": 30, "seconds": 1},
+        {"when": {"time": 2}, "change_lane": "left", "seconds": 2},
+    ]
+    node = begin(scene(car({"events": events}, ratio=0.4, isLaneChange=False, latBias=0.5)))
+    world = node.context.world
+    run(node, 90)
+    assert not world.is_ghost[1]
+    assert world.y[1] == pytest.approx(-3.0, abs=1e-6)  # 0.5 m to the left of its line, without a jump
+    run(node, 120)
+    assert not world.is_ghost[1]
+    assert abs(world.y[1]) < 0.1  # the change ends on the line, and from there it goes to its offset
+    run(node, 8 * 50)
+    assert world.y[1] == pytest.approx(0.5, abs=1e-3)
+    assert world.speed[1] == pytest.approx(30 / 3.6, abs=0.1)
+    assert world.keeps_lane[1]
+
+
+def test_a_vehicle_follows_the_rest_of_its_route() -> None:
+    slow = {"events": [{"when": {"time": 0.2}, "speed_kmh": 40, "seconds": 1}]}
+    node = begin(scene(car(slow, link="middle", ratio=0.9, route=["middle", "bend"])))
+    run(node, 3 * 50)
+    world = node.context.world
+    assert not world.is_ghost[1]
+    assert world.routes[int(world.uid[1])].tolist() == [1, 3]
+
+
+def test_lanes_of_vehicles_are_looked_up_only_where_a_trigger_asks_for_them() -> None:
+    node = begin(scene(*[car(CUT_IN, ratio=0.3 + 0.01 * i) for i in range(40)]))
+    told = node.component(Stories).told
+    assert told is not None
+    before = told._map.project.cache_info().misses
+    run(node, 25)
+    assert told._map.project.cache_info().misses == before
+
+
 def test_the_model_keeps_its_name_and_others_are_moved_by_the_world() -> None:
     cars = [car(None, ratio=0.1, UNIQUEID=40), car(CUT_IN), car(None, ratio=0.2)]
     plain, told = begin(scene(*[{**each, "rosbridge_sim": None} for each in cars])), begin(scene(*cars))
