@@ -48,7 +48,10 @@ class StoryItem(Record, eq=False):
 
     def find(self, *kinds: str) -> StoryItem | None:
         """Return the first part of one of these kinds, or of any kind; None if there is none."""
-        return next((part for part in self.parts if not kinds or part.kind in kinds), None)
+        for part in self.parts:  # a step of a story looks for thousands
+            if not kinds or part.kind in kinds:
+                return part
+        return None
 
     def all(self, kind: str) -> tuple[StoryItem, ...]:
         """Return all parts of a kind."""

@@ -12,10 +12,10 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.scenarios.openscenario.places import MapPlace
 from rosbridge_sim.scenarios.openscenario.story import ELEMENT_TYPES
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.simulator.story.cast import StoryActor
+from rosbridge_sim.simulator.story.measures import Target
 from rosbridge_sim.simulator.story.stage import Stage
 from rosbridge_sim.world.state.world import Kind
 
@@ -29,6 +29,9 @@ TOUCHES: Final[Mapping[str, Kind]] = {
     "external": Kind.EGO,
 }
 """Types of `ByType`."""
+
+OfEntity = Callable[[Stage, StoryItem, str, StoryActor], float]
+"""Returns the figure that a condition compares for a triggering entity, which is in the world; NaN for none."""
 
 
 def compare(rule: str, figure: float, value: float) -> bool:
@@ -46,104 +49,92 @@ def measure(scene: Stage, condition: StoryItem) -> tuple[bool, float]:
     if item.kind == "ByValueCondition":
         return OF_VALUE[item.part().kind](scene, item.part())
     triggering, inner = item.part("TriggeringEntities"), item.part("EntityCondition").part()
-    results = []
-    for each in triggering.parts:
-        actor = scene.cast.actors[each["entityRef"]]
-        try:
-            results.append(
-                OF_ENTITY[inner.kind](scene, inner, each["entityRef"], actor) if actor.uid >= 0 else (False, math.nan)
-            )
-        except DocumentError:  # another entity or a place that is not there
-            results.append((False, math.nan))
-    holds = [is_so for is_so, _ in results]
+    figures = [_figure(scene, inner, each["entityRef"]) for each in triggering.parts]
+    holds = [holds_for(inner, figure) for figure in figures]
     choose = any if triggering["triggeringEntitiesRule"] == "any" else all
-    figure = next((value for is_so, value in results if is_so), results[0][1] if results else math.nan)
-    return bool(results) and choose(holds), figure
+    figure = next((each for each, is_so in zip(figures, holds, strict=True) if is_so), [*figures, math.nan][0])
+    return bool(holds) and choose(holds), figure
 
 
-def _by_rule(item: StoryItem, figure: float) -> tuple[bool, float]:
-    return compare(item["rule"], figure, item["value"]), figure
+def _figure(scene: Stage, item: StoryItem, name: str) -> float:
+    """Return the figure of a triggering entity; NaN where it, another entity or a place is not there."""
+    try:
+        return OF_ENTITY[item.kind](scene, item, name, scene.cast.find(name))
+    except DocumentError:
+        return math.nan
 
 
-def _speed_of(actor: StoryActor, direction: str | None) -> float:
+def holds_for(item: StoryItem, figure: float) -> bool:
+    """Return whether a figure fulfils a condition: its rule, its duration, its tolerance, or else its least value."""
+    if "rule" in item.values:
+        return compare(item["rule"], figure, item["value"])
+    if "duration" in item.values:
+        return figure >= max(float(item["duration"]), EQUAL) - EQUAL
+    least: float = item.get("value", 1.0)
+    return figure <= float(item["tolerance"]) if "tolerance" in item.values else figure >= least
+
+
+def _speed_of(scene: Stage, name: str, item: StoryItem) -> float:
+    actor, direction = scene.cast.find(name), item.get("direction")
     if direction == "lateral":
-        return actor.aside * actor.direction
+        return actor.aside * scene.cast.on_lane(name).direction
     return 0.0 if direction == "vertical" else actor.speed
 
 
-def _speed(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
-    return _by_rule(item, _speed_of(actor, item.get("direction")))
+def _speed(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> float:
+    return _speed_of(scene, name, item)
 
 
-def _relative_speed(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
-    other = scene.cast.find(item["entityRef"])
-    direction = item.get("direction")
-    return _by_rule(item, _speed_of(actor, direction) - _speed_of(other, direction))
+def _relative_speed(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> float:
+    return _speed_of(scene, name, item) - _speed_of(scene, item["entityRef"], item)
 
 
-def _acceleration(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
-    return _by_rule(item, actor.accel if item.get("direction", "longitudinal") == "longitudinal" else 0.0)
+def _acceleration(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> float:
+    return actor.accel if item.get("direction", "longitudinal") == "longitudinal" else 0.0
 
 
-def _stand_still(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
-    return actor.still >= max(item["duration"], EQUAL) - EQUAL, actor.still
+def _own(key: str) -> OfEntity:
+    """Return a condition that compares an attribute of the actor itself."""
+    return lambda _scene, _item, _name, actor: float(getattr(actor, key))
 
 
-def _end_of_road(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
-    return actor.at_end >= max(item["duration"], EQUAL) - EQUAL, actor.at_end
-
-
-def _off_road(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
-    return actor.off_road >= max(item["duration"], EQUAL) - EQUAL, actor.off_road
-
-
-def _travelled(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> tuple[bool, float]:
-    return actor.travelled >= item["value"], actor.travelled
-
-
-def _collision(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
+def _collision(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> float:
     world, touched = scene.cast.world, scene.cast.touching.get(actor.uid, [])
     reference, kind = item.find("EntityRef"), item.find("ByType")
     if reference is not None:
         touched = [uid for uid in touched if uid == scene.cast.actors[reference["entityRef"]].uid]
     elif kind is not None:
         touched = [uid for uid in touched if uid in world and world.kind[world.row(uid)] == TOUCHES[kind["type"]]]
-    return bool(touched), float(len(touched))
+    return float(len(touched))
 
 
-def _place_of(scene: Stage, item: StoryItem) -> MapPlace:
-    return scene.cast.map.find_place(item.part("Position"), scene.cast.locate)
+def _target(scene: Stage, item: StoryItem) -> Target:
+    """Return the name of the entity, or the place, that a condition measures to."""
+    reference = item.get("entityRef") or (item.find("EntityRef") or item).get("entityRef")
+    return reference or scene.cast.map.find_place(item.part("Position"), scene.cast.locate)
 
 
-def _reach(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> tuple[bool, float]:
-    place = _place_of(scene, item)
-    away = math.dist((actor.x, actor.y, actor.z), (place.x, place.y, place.z))
-    return away <= item["tolerance"], away
+def _reach(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> float:
+    place = scene.cast.map.find_place(item.part("Position"), scene.cast.locate)
+    return math.dist((actor.x, actor.y, actor.z), (place.x, place.y, place.z))
 
 
-def _distance(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> tuple[bool, float]:
-    return _by_rule(item, abs(scene.measures.to_place(name, _place_of(scene, item), item)))
+def _distance(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> float:
+    return abs(scene.measures.distance(name, _target(scene, item), item))
 
 
-def _relative_distance(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> tuple[bool, float]:
-    return _by_rule(item, abs(scene.measures.to_entity(name, item["entityRef"], item)))
+def _headway(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> float:
+    away = scene.measures.distance(name, item["entityRef"], item)
+    return away / actor.speed if away >= 0.0 and actor.speed > EQUAL else math.nan
 
 
-def _headway(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> tuple[bool, float]:
-    away = scene.measures.to_entity(name, item["entityRef"], item)
-    return _by_rule(item, away / actor.speed if away >= 0.0 and actor.speed > EQUAL else math.nan)
-
-
-def _time_to_collision(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> tuple[bool, float]:
-    target = item.part("TimeToCollisionConditionTarget").part()
-    if target.kind == "EntityRef":
-        away = scene.measures.to_entity(name, target["entityRef"], item)
-        other = scene.cast.find(target["entityRef"])
-        closing = actor.speed - other.speed * math.cos(other.yaw - actor.yaw)
-    else:
-        away = scene.measures.to_place(name, scene.cast.map.find_place(target, scene.cast.locate), item)
-        closing = actor.speed
-    return _by_rule(item, away / closing if away >= 0.0 and closing > EQUAL else math.nan)
+def _time_to_collision(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> float:
+    target = _target(scene, item.part("TimeToCollisionConditionTarget"))
+    away, closing = scene.measures.distance(name, target, item), actor.speed
+    if isinstance(target, str):
+        other = scene.cast.find(target)
+        closing -= other.speed * math.cos(other.yaw - actor.yaw)
+    return away / closing if away >= 0.0 and closing > EQUAL else math.nan
 
 
 # By value
@@ -166,7 +157,7 @@ def _value(scene: Stage, item: StoryItem) -> tuple[bool, float]:
 
 
 def _time(scene: Stage, item: StoryItem) -> tuple[bool, float]:
-    return _by_rule(item, scene.time())
+    return holds_for(item, scene.time()), scene.time()
 
 
 def _state(scene: Stage, item: StoryItem) -> tuple[bool, float]:
@@ -182,18 +173,18 @@ def _phase(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     return scene.phase(item["trafficSignalControllerRef"], item["phase"]), math.nan
 
 
-OF_ENTITY: Final[Mapping[str, Callable[[Stage, StoryItem, str, StoryActor], tuple[bool, float]]]] = {
+OF_ENTITY: Final[Mapping[str, OfEntity]] = {
     "SpeedCondition": _speed,
     "RelativeSpeedCondition": _relative_speed,
     "AccelerationCondition": _acceleration,
-    "StandStillCondition": _stand_still,
-    "EndOfRoadCondition": _end_of_road,
-    "OffroadCondition": _off_road,
-    "TraveledDistanceCondition": _travelled,
+    "StandStillCondition": _own("still"),
+    "EndOfRoadCondition": _own("at_end"),
+    "OffroadCondition": _own("off_road"),
+    "TraveledDistanceCondition": _own("travelled"),
     "CollisionCondition": _collision,
     "ReachPositionCondition": _reach,
     "DistanceCondition": _distance,
-    "RelativeDistanceCondition": _relative_distance,
+    "RelativeDistanceCondition": _distance,
     "TimeHeadwayCondition": _headway,
     "TimeToCollisionCondition": _time_to_collision,
 }

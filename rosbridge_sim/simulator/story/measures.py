@@ -19,8 +19,7 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, predecessors
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.simulator.story.cast import Cast, StoryActor
-from rosbridge_sim.world.geometry.planar import FloatArray, box_at, nearest_on_polyline
-from rosbridge_sim.world.state.world import Body
+from rosbridge_sim.world.geometry.planar import FloatArray, nearest_on_polyline, outline_at
 
 REACH: Final = 1_000.0
 """So far along the lanes, ahead and behind, places are looked for [m]."""
@@ -38,7 +37,10 @@ MAX_ASIDE: Final = 50.0
 """A place farther beside the lanes than this is not along them [m]."""
 
 
-_Box = tuple[float, float, float, float, float, float]
+_LANE_SYSTEMS: Final = frozenset({"road", "lane", "trajectory"})
+
+Target = str | MapPlace
+_Size = tuple[float, float, float]
 
 
 class _Around(Record, eq=False):
@@ -50,114 +52,103 @@ class _Around(Record, eq=False):
 
 
 class Measures:
-    """Measures distances of one cast."""
+    """Measures distances of one cast. A target is the name of an entity, or a place, which is a box without a size."""
 
-    def __init__(self, cast: Cast, bodies: Mapping[str, Body]) -> None:
+    def __init__(self, cast: Cast) -> None:
         self._cast = cast
-        self._bodies = bodies
         self._around = lru_cache(MAX_KEPT)(self._find_around)
         self._from_start = lru_cache(MAX_KEPT)(self._find_from_start)
 
-    def to_entity(self, name: str, other: str, item: StoryItem) -> float:
+    def distance(self, name: str, target: Target, item: StoryItem) -> float:
         """Return a distance as a condition asks for it [m]: behind is negative, where it is measured along."""
         kind, system = _way_of(item)
-        there = self._cast.find(other)
         is_free = item.get("freespace", False)
         if kind == "longitudinal":
-            return self.free_along(name, other, system) if is_free else self.along(name, other, system)
+            return self._free_along(name, target, system) if is_free else self.along(name, target, system)
         if kind == "lateral":
-            aside = abs(self.aside(name, other, system))
-            return max(aside - self.half_widths(name, other), 0.0) if is_free else aside
+            aside = abs(self.aside(name, target, system))
+            return max(aside - self.half_widths(name, target), 0.0) if is_free else aside
         if is_free:
-            to_other, is_apart = _to_box(self._box(name), self._corners(other))
-            to_own, is_apart_too = _to_box(self._box(other), self._corners(name))
-            return min(to_other, to_own) if is_apart or is_apart_too else 0.0
-        here = self._cast.find(name)
+            to_target, is_apart = self._to_box(name, self._corners(target))
+            to_own, is_apart_too = self._to_box(target, self._corners(name))
+            return min(to_target, to_own) if is_apart or is_apart_too else 0.0
+        here, there = self._cast.find(name), self._find(target)
         return math.dist((here.x, here.y), (there.x, there.y))
 
-    def to_place(self, name: str, place: MapPlace, item: StoryItem) -> float:
-        """Return a distance to a place as a condition asks for it [m]."""
-        kind, system = _way_of(item)
-        here, body = self._cast.find(name), self._bodies[name]
-        is_free = item.get("freespace", False)
-        if kind not in {"longitudinal", "lateral"}:
-            if is_free:
-                return _to_box(self._box(name), [(place.x, place.y)])[0]
-            return math.dist((here.x, here.y), (place.x, place.y))
-        along, aside = self._relative(here, place, system)
-        if kind == "lateral":
-            return max(abs(aside) - 0.5 * body.width, 0.0) if is_free else abs(aside)
-        if is_free:
-            front, rear = body.length - body.rear_overhang, body.rear_overhang
-            return max(along - front, 0.0) if along >= 0.0 else min(along + rear, 0.0)
-        return along
+    def along(self, name: str, target: Target, system: str) -> float:
+        """Return how far ahead the reference point of a target is [m]."""
+        return self._relative(name, target, system)[0]
 
-    def along(self, name: str, other: str, system: str) -> float:
-        """Return how far ahead another entity's reference point is [m]."""
-        there = self._cast.find(other)
-        on = there.on_lane if there.lane >= 0 and not there.is_changing_lane else None
-        return self._relative(self._cast.find(name), there.place, system, on)[0]
+    def aside(self, name: str, target: Target, system: str) -> float:
+        """Return how far to the left the reference point of a target is [m]."""
+        return self._relative(name, target, system)[1]
 
-    def aside(self, name: str, other: str, system: str) -> float:
-        """Return how far to the left another entity's reference point is [m]."""
-        here, there = self._cast.find(name), self._cast.find(other)
-        # Within a frame an action may have shifted the other one already.
-        if system == "entity" or there.lane < 0:
-            return self._relative(here, there.place, system)[1]
-        return self._relative(here, self._cast.map.at(there.on_lane), system, there.on_lane)[1]
-
-    def free_along(self, name: str, other: str, system: str) -> float:
-        """Return the free way to another entity [m]: negative behind; 0 beside."""
+    def _free_along(self, name: str, target: Target, system: str) -> float:
+        """Return the free way to a target [m]: negative behind; 0 beside."""
         if system != "entity":
-            gap = self.along(name, other, system)
+            gap = self.along(name, target, system)
             ahead = 1.0 if gap >= 0.0 else -1.0
-            return ahead * max(abs(gap) - self.half_lengths(name, other, ahead), 0.0)
+            return ahead * max(abs(gap) - self.half_lengths(name, target, ahead), 0.0)
         here = self._cast.find(name)
-        front, rear = self._ends(name)
+        front, rear, _ = self._size(name)
         cos, sin = math.cos(here.yaw), math.sin(here.yaw)
-        ways = [(x - here.x) * cos + (y - here.y) * sin for x, y in self._corners(other)]
+        ways = [(x - here.x) * cos + (y - here.y) * sin for x, y in self._corners(target)]
         if min(ways) > front:
             return min(ways) - front
         return max(ways) + rear if max(ways) < -rear else 0.0
 
-    def half_lengths(self, name: str, other: str, ahead: float) -> float:
+    def half_lengths(self, name: str, target: Target, ahead: float) -> float:
         """Return the distance of reference points at which the boxes touch, one behind the other [m].
 
         Args:
-            ahead: 1 if the other is ahead, -1 if it is behind.
+            ahead: 1 if the target is ahead, -1 if it is behind.
         """
-        (front, rear), (other_front, other_rear) = self._ends(name), self._ends(other)
+        (front, rear, _), (other_front, other_rear, _) = self._size(name), self._size(target)
         return front + other_rear if ahead > 0.0 else rear + other_front
 
-    def half_widths(self, name: str, other: str) -> float:
+    def half_widths(self, name: str, target: Target) -> float:
         """Return the distance of reference points at which the boxes touch, side by side [m]."""
-        return 0.5 * (self._bodies[name].width + self._bodies[other].width)
+        return self._size(name)[2] + self._size(target)[2]
 
-    def between_lanes(self, actor: StoryActor, reference: StoryActor) -> float:
+    def between_lanes(self, name: str, reference: str) -> float:
         """Return how far the line of another actor's lane is to the left of the line of the own lane [m]."""
-        middle = self._cast.map.at(OnLane(reference.lane, reference.s, 0.0))
-        found = self._on_lanes(actor, middle)
+        there, actor = self._cast.on_lane(reference), self._cast.on_lane(name)
+        found = self._on_lanes(actor, self._cast.map.at(OnLane(there.lane, there.s, 0.0)))
         if found is None:
             raise DocumentError("the lanes do not lie beside each other")
         return found[1] + actor.offset
 
     def way_to(self, name: str, place: MapPlace) -> float:
         """Return the way to a place along the lanes, or the straight one where no lane leads there [m]."""
-        actor = self._cast.find(name)
+        actor = self._cast.on_lane(name)
         found = self._on_lanes(actor, place)
         if found is not None:
             return found[0] * actor.direction
         return math.dist((actor.x, actor.y), (place.x, place.y))
 
-    def _relative(
-        self, here: StoryActor, place: MapPlace, system: str, on: OnLane | None = None
-    ) -> tuple[float, float]:
-        """Return how far ahead and to the left of an actor a place is [m]."""
-        if system in {"road", "lane", "trajectory"} and (found := self._on_lanes(here, place, on)) is not None:
-            return found[0] * here.direction, found[1] * here.direction
-        dx, dy = place.x - here.x, place.y - here.y
+    def _relative(self, name: str, target: Target, system: str) -> tuple[float, float]:
+        """Return how far ahead and to the left of an actor a target is [m]."""
+        here, there = self._cast.find(name), self._find(target)
+        if system in _LANE_SYSTEMS and (found := self._relative_on_lanes(name, target)) is not None:
+            return found
+        dx, dy = there.x - here.x, there.y - here.y
         cos, sin = math.cos(here.yaw), math.sin(here.yaw)
         return dx * cos + dy * sin, dy * cos - dx * sin
+
+    def _relative_on_lanes(self, name: str, target: Target) -> tuple[float, float] | None:
+        """Return the same along and beside the lanes of an actor; None where none of them leads to the target."""
+        here, on = self._cast.on_lane(name), None
+        if isinstance(target, MapPlace):
+            place = target
+        else:
+            there = self._cast.on_lane(target)
+            place = there.place
+            if there.is_changing_lane:
+                place = self._cast.map.at(there.lane_place)  # within a frame an action may have shifted it already
+            elif there.lane >= 0:
+                on = there.lane_place
+        found = self._on_lanes(here, place, on)
+        return None if found is None else (found[0] * here.direction, found[1] * here.direction)
 
     def _on_lanes(self, actor: StoryActor, place: MapPlace, on: OnLane | None = None) -> tuple[float, float] | None:
         """Return how far along its lane's direction, and to the left of the actor, a place is; None if it is not.
@@ -175,7 +166,7 @@ class Measures:
     ) -> tuple[float, float] | None:
         """Return the same from the start and the line of a lane."""
         around = self._around(lane, route)
-        on = self._cast.map.project(place) if on is None else on
+        on, place = (self._cast.map.project(place), place) if on is None else (on, self._cast.map.at(on))
         if on.lane in around.starts:
             return around.starts[on.lane] + on.s, on.offset
         near = nearest_on_polyline(around.line, place.x, place.y)
@@ -207,23 +198,29 @@ class Measures:
         line = np.concatenate([roads.points[roads.first[lane] : roads.first[lane + 1]] for lane in in_order])
         return _Around(starts, line, starts[in_order[0]])
 
-    def _ends(self, name: str) -> tuple[float, float]:
-        """Return how far a box reaches before and behind its reference point [m]."""
-        body = self._bodies[name]
-        return body.length - body.rear_overhang, body.rear_overhang
+    def _find(self, target: Target) -> StoryActor | MapPlace:
+        return target if isinstance(target, MapPlace) else self._cast.find(target)
 
-    def _corners(self, name: str) -> list[tuple[float, float]]:
-        actor, body = self._cast.find(name), self._bodies[name]
-        return box_at((actor.x, actor.y, actor.yaw), 0.5 * body.length, 0.5 * body.width, body.centre)
+    def _size(self, target: Target) -> _Size:
+        """Return how far a box reaches before, behind and beside its reference point [m]."""
+        if isinstance(target, MapPlace):
+            return 0.0, 0.0, 0.0
+        body = self._cast.bodies[target]
+        return body.length - body.rear_overhang, body.rear_overhang, 0.5 * body.width
 
-    def _box(self, name: str) -> _Box:
-        """Return the middle of a box, the direction of its length, and half of its length and width."""
-        actor, body = self._cast.find(name), self._bodies[name]
-        cos, sin = math.cos(actor.yaw), math.sin(actor.yaw)
-        return (
-            *(actor.x + body.centre * cos, actor.y + body.centre * sin, cos, sin),
-            *(0.5 * body.length, 0.5 * body.width),
-        )
+    def _corners(self, target: Target) -> list[tuple[float, float]]:
+        at, (front, rear, side) = self._find(target), self._size(target)
+        return outline_at((at.x, at.y, at.yaw), ((front, side), (front, -side), (-rear, -side), (-rear, side)))
+
+    def _to_box(self, target: Target, points: Sequence[tuple[float, float]]) -> tuple[float, bool]:
+        """Return the least distance of points to a box [m], and whether a side of it lies between all and it."""
+        at, (front, rear, side) = self._find(target), self._size(target)
+        cos, sin = math.cos(at.yaw), math.sin(at.yaw)
+        own = [((x - at.x) * cos + (y - at.y) * sin, (y - at.y) * cos - (x - at.x) * sin) for x, y in points]
+        away = min(math.hypot(max(a - front, -rear - a, 0.0), max(abs(b) - side, 0.0)) for a, b in own)
+        along, across = zip(*own, strict=True)
+        is_apart = min(along) > front or max(along) < -rear or min(across) > side or max(across) < -side
+        return away, is_apart
 
 
 def _way_of(item: StoryItem) -> tuple[str, str]:
@@ -233,13 +230,3 @@ def _way_of(item: StoryItem) -> tuple[str, str]:
     if "coordinateSystem" in item.values:
         return "euclidianDistance", item["coordinateSystem"]
     return ("longitudinal", "road") if item.get("alongRoute", False) else ("euclidianDistance", "entity")
-
-
-def _to_box(box: _Box, points: Sequence[tuple[float, float]]) -> tuple[float, bool]:
-    """Return the least distance of points to a box [m], and whether a side of it lies between all of them and it."""
-    x, y, cos, sin, half_length, half_width = box
-    own = [((px - x) * cos + (py - y) * sin, (py - y) * cos - (px - x) * sin) for px, py in points]
-    away = [math.hypot(max(abs(a) - half_length, 0.0), max(abs(b) - half_width, 0.0)) for a, b in own]
-    along, across = zip(*own, strict=True)
-    ways = (min(along), -max(along), half_length), (min(across), -max(across), half_width)
-    return min(away), any(max(low, high) > half for low, high, half in ways)

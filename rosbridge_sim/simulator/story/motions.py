@@ -141,7 +141,7 @@ def _begin_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     goal, dynamics = _speed_goal(stage, item), item.part("SpeedActionDynamics")
     change = goal - actor.speed
     length = time_of(dynamics, change, 0.5 * (goal + actor.speed))
-    body = stage.bodies[running.entity]
+    body = stage.cast.bodies[running.entity]
     most = body.max_accel if change > 0.0 else body.max_decel
     shape = dynamics["dynamicsShape"]
     if shape != "step" and most > 0.0:
@@ -236,7 +236,7 @@ def _advance_profile(_stage: Stage, _item: StoryItem, actor: StoryActor, running
 
 def _fastest(stage: Stage, item: StoryItem, running: Running, change: float) -> float:
     """Return the least time of a change of speed within the limits [s]."""
-    body = stage.bodies[running.entity]
+    body = stage.cast.bodies[running.entity]
     key, most = ("maxAcceleration", body.max_accel) if change > 0.0 else ("maxDeceleration", body.max_decel)
     return abs(change) / max(min(_limit(item, key), most or NO_LIMIT), 1e-3)
 
@@ -262,7 +262,7 @@ def _begin_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runnin
 def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> None:
     reference = stage.cast.find(item["entityRef"])
     error = _gap_error(stage, item, running)
-    moved, _ = stage.cast.map.move(actor.on_lane, actor.direction * error, actor.route)
+    moved, _ = stage.cast.map.move(actor.lane_place, actor.direction * error, actor.route)
     if actor.lane >= 0:
         stage.cast.put(actor, stage.cast.map.at(moved))
     stage.cast.show(actor)
@@ -335,13 +335,13 @@ def _begin_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     target = item.part("LaneChangeTarget").part()
     story_map = stage.cast.map
     if target.kind == "AbsoluteTargetLane":
-        lane, aside = story_map.lane_beside(actor.on_lane, _number(target["value"]))
+        lane, aside = story_map.lane_beside(actor.lane_place, _number(target["value"]))
     else:
-        reference = stage.cast.find(target["entityRef"])
+        reference = stage.cast.on_lane(target["entityRef"])
         steps = int(target["value"] * reference.direction)
-        lane, aside = story_map.beside(reference.on_lane, steps)
+        lane, aside = story_map.beside(reference.lane_place, steps)
         if reference is not actor:
-            aside += stage.measures.between_lanes(actor, reference)
+            aside += stage.measures.between_lanes(running.entity, target["entityRef"])
     goal = aside + actor.direction * item.get("targetLaneOffset", 0.0)
     change = goal - actor.offset
     length = time_of(item.part("LaneChangeActionDynamics"), change, actor.speed)
@@ -376,7 +376,7 @@ def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     dynamics, target = item.part("LaneOffsetActionDynamics"), item.part("LaneOffsetTarget").part()
     goal = target["value"] * actor.direction
     if target.kind == "RelativeTargetLaneOffset":
-        goal += stage.cast.find(target["entityRef"]).offset
+        goal += stage.cast.on_lane(target["entityRef"]).offset
     change = abs(goal - actor.offset)
     most, shape = dynamics.get("maxLateralAcc", LATERAL_ACCEL), dynamics["dynamicsShape"]
     # Greatest acceleration of the shapes: pi^2 D / (2 T^2) and 6 D / T^2; a linear change gets the time of a cubic one.
@@ -460,7 +460,7 @@ def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, _running: Run
         goals = [each.part("Position") for each in item.part("Route").all("Waypoint")]
     places = [story_map.project(story_map.find_place(each, stage.cast.locate)) for each in goals]
     if item.kind == "AcquirePositionAction":
-        places.insert(0, actor.on_lane)
+        places.insert(0, actor.lane_place)
     if len(places) > 1:
         actor.route = story_map.find_way(places[0], places[1:])
     return True
@@ -535,7 +535,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
         accel = 3.0 * (way - actor.speed * time) / (time * time)
     else:
         accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * final) / time
-    top = stage.bodies[running.entity].top_speed or MAX_SPEED
+    top = stage.cast.bodies[running.entity].top_speed or MAX_SPEED
     actor.speed = max(0.0, min(top, _bounded(actor.speed + accel * STORY_STEP)))
     return False
 

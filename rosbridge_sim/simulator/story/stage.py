@@ -8,14 +8,12 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.storyboard import Storyboard
 from rosbridge_sim.simulator.story.cast import Cast
 from rosbridge_sim.simulator.story.measures import Measures
-from rosbridge_sim.world.state.world import Body
 
 
 class Stage(Record, eq=False):
     """The scene of a story.
 
     Attributes:
-        bodies: of the actors, by name.
         values: of variables and parameters, by name.
         light: returns whether the light of a name is in a state.
         phase: returns whether the controller of a name is in a phase.
@@ -24,7 +22,6 @@ class Stage(Record, eq=False):
 
     cast: Cast
     measures: Measures
-    bodies: Mapping[str, Body]
     board: Storyboard
     values: Mapping[str, str]
     light: Callable[[str, str], bool]

@@ -54,6 +54,7 @@ class StoryState:
         running: actions that go on, in the order of their begin.
         values: of parameters and variables, by name.
         lights: states of lights that it has set, by name.
+        touched: ids of the pairs that have touched since the present step began, if a condition asks for them.
     """
 
     start: int
@@ -63,6 +64,7 @@ class StoryState:
     running: list[Running] = field(default_factory=list)
     values: dict[str, str] = field(default_factory=dict)
     lights: dict[str, str] = field(default_factory=dict)
+    touched: list[tuple[int, int]] = field(default_factory=list)
 
 
 SetWeather: TypeAlias = Callable[[str, float | None], None]
@@ -105,6 +107,7 @@ class ToldStory:
             for action in (each.parts if each.kind == "Private" else [each])
         ]
         self.board = Storyboard(story.storyboard, STORY_STEP, story.evaluation)
+        self._looks_at = {kind_of(each) for each in self.board.conditions}
         actors = {name: StoryActor(mode=self._mode_of(name)) for name in story.entities}
         for name, (near, _) in story.holds.items():
             actors[name].waiting = 0.0 if near else None
@@ -291,12 +294,11 @@ class ToldStory:
                 self._tell(item, error)
 
     def _begin_private(self, number: int, item: StoryItem, name: str) -> None:
-        actor, motion = self.state.actors[name], MOTIONS[item.kind]
-        if item.kind == "TeleportAction" and actor.uid < 0:
+        motion = MOTIONS[item.kind]
+        if item.kind == "TeleportAction" and self.state.actors[name].uid < 0:
             self._add(name, item.part("Position"))
             return
-        if actor.uid < 0:
-            raise DocumentError(f"{printable(name, 60)} is not in the world")
+        actor = self._cast.on_lane(name)
         if actor.mode == PROGRAM and motion.domains and item.kind != "SpeedAction":
             return  # the user's program moves it
         running = Running(number, name)

@@ -18,6 +18,7 @@ from rosbridge_sim.simulator.scene.load import WHOLE
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.simulator.snapshots.node_state import NodeState
 from rosbridge_sim.simulator.snapshots.saved_loads import unpack_load
+from rosbridge_sim.simulator.story.stories import Stories
 from rosbridge_sim.world.state.world import World
 from tests.simulator.sim_harness import Client, make_store
 from tests.simulator.story.story_texts import OneMap

@@ -61,10 +61,10 @@ def ring() -> StoryMap:
 @pytest.mark.parametrize("angle", [0.3, 1.5, -0.3, -1.5])
 def test_on_a_ring_what_is_nearer_behind_is_behind(angle: float) -> None:
     here, there = StoryActor(uid=1), StoryActor(uid=2)
-    cast = Cast(World(), ring(), {"here": here, "there": there}, {})
+    cast = Cast(World(), ring(), {"here": here, "there": there}, {}, {})
     for actor, turn in ((here, 0.2), (there, 0.2 + angle)):
         cast.put(actor, MapPlace(25.0 * math.cos(turn), 25.0 * math.sin(turn), 0.0, turn + 0.5 * math.pi))
-    assert Measures(cast, {}).along("here", "there", "road") == pytest.approx(25.0 * angle, abs=0.1)
+    assert Measures(cast).along("here", "there", "road") == pytest.approx(25.0 * angle, abs=0.1)
 
 
 def test_hundreds_of_conditions_about_the_ego_look_for_its_lane_once_a_step() -> None:

@@ -598,6 +598,19 @@ def test_a_condition_of_an_entity_holds_from_its_moment(condition: str, expected
     assert first_frame(by_entity("Ego", condition), init) == pytest.approx(expected, abs=0.05)
 
 
+@pytest.mark.parametrize("ahead", [1.5, 4.5, 7.5, 10.5, 13.5])
+def test_a_contact_of_one_frame_between_two_steps_counts(ahead: float) -> None:
+    # A walker runs through a car of 2 m, 3 m a frame: a box of 0.5 m meets it in one frame.
+    init = {"Car": teleport(at(100.0, 20.0, math.pi / 2)), "walker": teleport(at(100.0 - ahead, 21.0)) + speed(150)}
+    hit = '<CollisionCondition><EntityRef entityRef="walker"/></CollisionCondition>'
+    telling, met = Telling(story({**EGO, **init}, group("Ego", event("hit", speed(1), by_entity("Car", hit))))), 0
+    for _ in range(10):
+        telling.run(0.02)
+        met += len(telling.world.contacts)
+    assert met == 1
+    assert telling.began("Event", "hit")
+
+
 def test_what_is_behind_has_no_headway_and_no_time_to_collision() -> None:
     condition = (
         '<TimeHeadwayCondition entityRef="Car" value="0" rule="greaterThan" freespace="false" alongRoute="true"/>'
