@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.maps.opendrive.plan_view import SHORT, evaluate, evaluate_all, place_on, records_at
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.opendrive.plan_view import SHORT, Cubics, place_on
 from rosbridge_sim.maps.opendrive.road_elements import (
     MAX_COORDINATE,
     MAX_LENGTH,
@@ -112,12 +114,10 @@ class SectionLayout:
         """
         left, right = max(section.lanes, default=0), -min(section.lanes, default=0)
         names = [*range(1, left + 1), *range(-1, -right - 1, -1)]
-        shift = np.array([section.start, 0.0, 0.0, 0.0, 0.0])
-        widths = [section.lanes[name].widths + shift for name in names]
-        tables = [road.roll, road.elevation, road.offset, *widths]
+        cubics = _join((road.roll, road.elevation, road.offset), section, names)
         self.row = {0: 0, **{name: row for row, name in enumerate(names, 1)}}
-        self.s = s = _lay_stations(road, section, cuts, tables)
-        roll, self._height, offset, *_ = values = evaluate_all(tables, s)
+        self.s = s = _lay_stations(road, section, cuts, cubics)
+        roll, self._height, offset, *_ = values = cubics.at(s)
         self.roll = np.clip(roll, -MAX_TILT, MAX_TILT)
         self._cos, self._sin = np.cos(self.roll), np.sin(self.roll)
         self._x, self._y, heading = place_on(road.shapes, s)
@@ -141,38 +141,52 @@ class SectionLayout:
         return found
 
 
-def _lay_stations(road: Road, section: LaneSection, cuts: Iterable[float], tables: Sequence[FloatArray]) -> FloatArray:
+def _join(tables: Sequence[FloatArray], section: LaneSection, names: Iterable[int]) -> Cubics:
+    """Return polynomials along the road: tables, and the widths of lanes of a section."""
+    cubics = Cubics([*tables, *(section.lanes[name].widths for name in names)])
+    cubics.records[cubics.heads[len(tables)] :, 0] += section.start
+    return cubics
+
+
+def _lay_stations(road: Road, section: LaneSection, cuts: Iterable[float], cubics: Cubics) -> FloatArray:
     """Return the stations of a section.
 
     Args:
-        tables: polynomials of the superelevation, of the heights, of lane 0, and of the lanes' widths.
+        cubics: polynomials of the superelevation, of the heights, of lane 0, and of the lanes' widths.
     """
     start, end = section.start, section.end
     curved = np.array([shape.s for shape in road.shapes])
-    breaks = np.sort(np.concatenate([curved, [start, end, *cuts], *(each[:, 0] for each in tables)]))
+    breaks = np.concatenate([curved, [start, end, *cuts], cubics.records[:, 0]])
     breaks = breaks[(breaks >= start) & (breaks <= end)]
-    breaks = breaks[np.append(np.diff(breaks) > SHORT, True)]
+    breaks.sort()
+    breaks = breaks[np.append(breaks[1:] - breaks[:-1] > SHORT, True)]
     breaks[0] = start
     if len(breaks) < 2:  # noqa: PLR2004 - a section without length
         return np.array([start, end])
-    too_much = f"a road that needs at most {MAX_POINTS:,} points"
-    if len(breaks) * len(tables) > MAX_POINTS:
-        raise error_of(road, too_much)
+    num_tables = len(cubics.heads) - 1
+    if len(breaks) * num_tables > MAX_POINTS:
+        raise _too_many_points(road)
     low, high = breaks[:-1], breaks[1:]
-    bends = np.array([shape.kind != "line" for shape in road.shapes])[np.searchsorted(curved, low + SHORT) - 1]
-    s, a, b, c, d = records_at(tables[1:], low + SHORT)
+    inside = low + SHORT
+    s, a, b, c, d = records = cubics.holding(inside)
+    away = np.array([low, high])[:, None] - s
     # The second derivative of a polynomial tells how far a chord of it is away: h^2 / 8 times as much.
-    bulge = np.maximum(np.abs(c + 3.0 * d * (low - s)), np.abs(c + 3.0 * d * (high - s))).sum(axis=0)
+    bulge = np.abs(c + 3.0 * d * away)[:, 1:].max(axis=0).sum(axis=0)
     step = np.clip(np.sqrt(4.0 * FLATNESS / np.maximum(bulge, 1e-12)), BEND_STEP, LONGEST_STEP)
-    narrow = ((b != 0.0) | (c != 0.0) | (d != 0.0))[2:]
-    narrow &= np.minimum(*(a + (at - s) * (b + (at - s) * (c + (at - s) * d)) for at in (low, high)))[2:] < NARROW
-    step[bends | bool(tables[0][:, 1:].any()) | narrow.any(axis=0)] = BEND_STEP
+    least = (a + away * (b + away * (c + away * d)))[:, 3:].min(axis=0)
+    narrow = (least < NARROW) & records[2:, 3:].any(axis=0)
+    bends = np.array([shape.kind != "line" for shape in road.shapes])[curved.searchsorted(inside) - 1]
+    step[bends | narrow.any(axis=0) | road.roll[:, 1:].any()] = BEND_STEP
     count = np.ceil((high - low) / step - SHORT)
-    if count.sum() * len(tables) > MAX_POINTS:
-        raise error_of(road, too_much)
+    if count.sum() * num_tables > MAX_POINTS:
+        raise _too_many_points(road)
     count = np.maximum(count, 1.0).astype(np.int64)
-    number = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return np.append(np.repeat(low, count) + number * np.repeat((high - low) / count, count), end)
+    number = np.arange(count.sum()) - (count.cumsum() - count).repeat(count)
+    return np.append(low.repeat(count) + number * ((high - low) / count).repeat(count), end)
+
+
+def _too_many_points(road: Road) -> DocumentError:
+    return error_of(road, f"a road that needs at most {MAX_POINTS:,} points")
 
 
 def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[float]) -> Iterator[LanePiece]:
@@ -190,32 +204,43 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
     ends = np.array([section.start, *sorted(cuts), section.end])
     rows = np.searchsorted(s, ends - SHORT)
     rows[-1] = len(s) - 1
-    spans = list(enumerate(zip(rows[:-1].tolist(), rows[1:].tolist(), strict=True)))
     names = [name for name, lane in section.lanes.items() if name and lane.type in ROADWAY]
     if not names:
         return
     outer, inner = ([layout.row[name - side * (1 if name > 0 else -1)] for name in names] for side in (0, 1))
     aside = 0.5 * (layout.edges[outer] + layout.edges[inner])
     lines = layout.points(aside)
-    steps = np.hypot(*np.moveaxis(np.diff(lines[..., :2], axis=1), -1, 0))
-    good = (np.abs(lines) <= MAX_COORDINATE).all(axis=(1, 2)) & (steps.sum(axis=1) <= 2.0 * MAX_LENGTH)
+    ahead = lines[:, 1:, :2] - lines[:, :-1, :2]
+    arc = np.zeros(aside.shape)
+    steps = np.hypot(ahead[..., 0], ahead[..., 1])
+    steps.cumsum(axis=1, out=arc[:, 1:])
+    good = (np.abs(lines) <= MAX_COORDINATE).all(axis=(1, 2)) & (arc[:, -1] <= 2.0 * MAX_LENGTH)
     if not good.all():
         expected = f"lanes within {MAX_COORDINATE:,.0f} m and no longer than {2.0 * MAX_LENGTH:,.0f} m"
         raise error_of(road, f"{expected}; lane {names[int(good.argmin())]} of section {number} is not")
-    wide = layout.widths[outer] >= NARROW
+    widths = layout.widths[outer]
+    wide = widths >= NARROW
     wide[:, 1:] &= steps > SHORT
     borders = _borders(lines, layout.edge_lines[outer], layout.edge_lines[inner], np.sign(names)[:, None])
     bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if layout.roll.any() else None
+    spans = []
+    for first, last in pairwise(rows.tolist()):
+        own = wide[:, first : last + 1]
+        low, high = first + own.argmax(axis=1), last - own[:, ::-1].argmax(axis=1)
+        high[~own.any(axis=1)] = first
+        middle = 0.5 * float(s[first] + s[last])
+        at = int(s.searchsorted(middle, side="right")) - 1
+        slope = (widths[:, at + 1] - widths[:, at]) / (s[at + 1] - s[at])
+        width = slope * (middle - s[at]) + widths[:, at]
+        spans.append((first, last, middle, low.tolist(), high.tolist(), width.tolist()))
     for i, name in enumerate(names):
         is_forward = (name < 0) != road.is_left_hand
-        for piece, (first, last) in spans:
-            own = first + np.flatnonzero(wide[i, first : last + 1])
-            if len(own) < 2 or s[own[-1]] - s[own[0]] < SHORT:  # noqa: PLR2004 - a line's ends
+        turned = slice(None, None, 1 if is_forward else -1)
+        for piece, (first, last, middle, low, high, width) in enumerate(spans):
+            if s[high[i]] - s[low[i]] < SHORT:
                 continue
-            part = slice(int(own[0]), int(own[-1]) + 1)
-            cut = (bool(own[0] > first), bool(own[-1] < last))
-            middle = 0.5 * float(s[first] + s[last])
-            turned = slice(None) if is_forward else slice(None, None, -1)
+            part = slice(low[i], high[i] + 1)
+            cut = (low[i] > first, high[i] < last)
             border = borders[i, part][turned]
             yield LanePiece(
                 road=road.id,
@@ -226,12 +251,12 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
                 is_forward=is_forward,
                 is_cut=cut if is_forward else cut[::-1],
                 line=lines[i, part][turned],
-                length=float(steps[i, own[0] : own[-1]].sum()),
+                length=float(arc[i, high[i]] - arc[i, low[i]]),
                 s=s[part][turned],
                 aside=aside[i, part][turned],
                 border=border[:, ::-1] if (name > 0) != is_forward else border,
                 bank=None if bank is None else bank[part][turned] * (1.0 if is_forward else -1.0),
-                width=float(np.interp(middle, s, layout.widths[outer[i]])),
+                width=width[i],
                 speed_limit=find_limit(road, number, name, middle),
             )
 
@@ -247,11 +272,12 @@ def _borders(lines: FloatArray, outer: FloatArray, inner: FloatArray, side: Floa
     ahead[:, 1:-1] = lines[:, 2:, :2] - lines[:, :-2, :2]
     ahead[:, 0], ahead[:, -1] = lines[:, 1, :2] - lines[:, 0, :2], lines[:, -1, :2] - lines[:, -2, :2]
     ahead *= (side / np.maximum(np.hypot(ahead[..., 0], ahead[..., 1]), 1e-9))[..., None]
-    edges = []
-    for way, edge in ((1.0, outer), (-1.0, inner)):
-        x, y = np.moveaxis(edge - lines, -1, 0)[:2]
-        edges.append(np.maximum(way * (y * ahead[..., 0] - x * ahead[..., 1]), 0.0))
-    return np.stack(edges, axis=-1)
+    found = np.empty(ahead.shape)
+    for column, way, edge in ((0, 1.0, outer), (1, -1.0, inner)):
+        away = edge[..., :2] - lines[..., :2]
+        across = way * (away[..., 1] * ahead[..., 0] - away[..., 0] * ahead[..., 1])
+        np.maximum(across, 0.0, out=found[..., column])
+    return found
 
 
 def find_limit(road: Road, number: int, lane: int, s: float) -> float:
@@ -279,11 +305,12 @@ class RoadLayouts:
         section = next((each for each in reversed(own.sections) if each.start <= s), own.sections[0])
         if lane and lane not in section.lanes:
             return None
-        aside = float(evaluate(own.offset, np.array([s]))[0])
         side = 1 if lane > 0 else -1
-        for name in range(side, lane + side, side) if lane else ():
-            width = max(float(evaluate(section.lanes[name].widths, np.array([s - section.start]))[0]), 0.0)
-            aside += side * (width if name != lane else 0.5 * width)
+        names = range(side, lane + side, side) if lane else ()
+        aside: float
+        aside, *widths = _join((own.offset,), section, names).at(np.array([s]))[:, 0].tolist()
+        for name, width in zip(names, widths, strict=True):
+            aside += side * max(width, 0.0) * (1.0 if name != lane else 0.5)
         return aside
 
     def point(self, road: str, s: float, t: float) -> tuple[float, float, float, float]:
@@ -299,7 +326,7 @@ def frame_at(road: Road, s: float, t: float) -> tuple[float, float, float, float
     """Return x, y, z [m] of a place beside a road's reference line, and the direction of the road there [rad]."""
     at = np.array([s])
     x, y, heading = (float(each[0]) for each in place_on(road.shapes, at))
-    z, roll = float(evaluate(road.elevation, at)[0]), float(evaluate(road.roll, at)[0])
+    z, roll = Cubics([road.elevation, road.roll]).at(at)[:, 0].tolist()
     flat = t * math.cos(roll)
     return x - flat * math.sin(heading), y + flat * math.cos(heading), z + t * math.sin(roll), heading
 

@@ -73,16 +73,20 @@ def place_on(shapes: Sequence[PlanShape], s: FloatArray) -> tuple[FloatArray, Fl
     Returns:
         (n,) x, y [m] and heading [rad].
     """
-    starts = np.array([shape.s for shape in shapes])
-    which = np.maximum(starts.searchsorted(_nudged(s), side="right") - 1, 0)
-    x, y, heading = np.empty(len(s)), np.empty(len(s)), np.empty(len(s))
-    for row in np.unique(which).tolist():
-        shape, own = shapes[row], which == row
-        u, v, turn = SHAPES[shape.kind](s[own] - shape.s, shape.length, *shape.figures)
-        cos, sin = np.cos(shape.heading), np.sin(shape.heading)
-        x[own], y[own] = shape.x + cos * u - sin * v, shape.y + sin * u + cos * v
-        heading[own] = shape.heading + turn
-    return x, y, heading
+    # The last place of one shape and the first of the next one are neighbours, because the places rise.
+    ends = [0, *_nudged(s).searchsorted([shape.s for shape in shapes[1:]]).tolist(), len(s)]
+    found = np.empty((3, len(s)))
+    for shape, (first, end) in zip(shapes, pairwise(ends), strict=True):
+        if first < end:
+            found[:, first:end] = _follow(shape, s[first:end])
+    return found[0], found[1], found[2]
+
+
+def _follow(shape: PlanShape, s: FloatArray) -> Local:
+    """Return x, y [m] and heading [rad] at (n,) distances along the road, on one shape."""
+    u, v, turn = SHAPES[shape.kind](s - shape.s, shape.length, *shape.figures)
+    cos, sin = np.cos(shape.heading), np.sin(shape.heading)
+    return shape.x + cos * u - sin * v, shape.y + sin * u + cos * v, shape.heading + turn
 
 
 class Joint(NamedTuple):
@@ -102,7 +106,7 @@ class Joint(NamedTuple):
 def find_torn_joints(shapes: Sequence[PlanShape]) -> Iterator[Joint]:
     """Yield the joints with a gap over `MAX_GAP` or a kink over `MAX_KINK`."""
     for shape, after in pairwise(shapes):
-        (x,), (y,), (heading,) = place_on((shape,), np.array([after.s]))
+        (x,), (y,), (heading,) = _follow(shape, np.array([after.s]))
         gap = math.hypot(after.x - x, after.y - y)
         kink = abs(math.remainder(after.heading - heading, 2.0 * math.pi))
         if gap > MAX_GAP or kink > MAX_KINK:
@@ -117,46 +121,36 @@ def _nudged(s: FloatArray) -> FloatArray:
     return places
 
 
-def evaluate(cubics: FloatArray, s: FloatArray) -> FloatArray:
-    """Return the values of polynomials, (n,); see `evaluate_all`."""
-    return np.asarray(evaluate_all([cubics], s)[0])
+class Cubics:
+    """Tables of polynomials that are evaluated at the same places: a + b d + c d^2 + d d^3 from each record's s on.
 
-
-def evaluate_all(tables: Sequence[FloatArray], s: FloatArray) -> FloatArray:
-    """Return the values of several tables of polynomials at the same places.
-
-    Args:
-        tables: (k, 5) each: s, a, b, c, d by rising s; without any the values are 0.
-        s: (n,) as for `place_on` [m].
-
-    Returns:
-        (tables, n) a + b d + c d^2 + d d^3, where the distance d counts from the record's s.
+    Attributes:
+        records: (m, 5) s, a, b, c, d of all tables, one table after the other, by rising s in each. The first record of
+            a table holds before its s, too.
     """
-    start, a, b, c, d = records_at(tables, _nudged(s))
-    away = s - start
-    return np.asarray(a + away * (b + away * (c + away * d)))
 
+    def __init__(self, tables: Sequence[FloatArray]) -> None:
+        """Join tables, (k, 5) each; the values of one without any record are 0."""
+        self.records = np.concatenate([each if len(each) else NO_RECORD for each in tables])
+        self.heads = np.cumsum([0, *(len(each) or 1 for each in tables)])
 
-def records_at(tables: Sequence[FloatArray], places: FloatArray) -> FloatArray:
-    """Return the records that hold at places.
+    def at(self, s: FloatArray) -> FloatArray:
+        """Return the values of all tables, (tables, n), at (n,) places as for `place_on` [m]."""
+        start, a, b, c, d = self.holding(_nudged(s))
+        away = s - start
+        return np.asarray(a + away * (b + away * (c + away * d)))
 
-    Args:
-        tables: as for `evaluate_all`.
-        places: (n,) rising [m].
-
-    Returns:
-        (5, tables, n) s, a, b, c, d; of the first record for a place before it.
-    """
-    joined = np.concatenate([each if len(each) else NO_RECORD for each in tables])
-    if len(joined) == len(tables):
-        return np.broadcast_to(joined.T[:, :, None], (5, len(tables), len(places)))
-    heads = np.cumsum([0, *(len(each) or 1 for each in tables)])
-    # The record in row i holds at the places from begin[i] to begin[i + 1]; those of each table take all n.
-    begin = np.append(places.searchsorted(joined[:, 0]), 0)
-    begin[heads] = 0
-    end = begin[1:].copy()
-    end[heads[1:] - 1] = len(places)
-    return joined.T.repeat(end - begin[:-1], axis=1).reshape(5, len(tables), len(places))
+    def holding(self, places: FloatArray) -> FloatArray:
+        """Return the records that hold at (n,) rising places [m], as (5, tables, n) s, a, b, c, d."""
+        joined, heads, shape = self.records, self.heads, (5, len(self.heads) - 1, len(places))
+        if len(joined) == shape[1]:
+            return np.broadcast_to(joined.T[:, :, None], shape)
+        # The record in row i holds at the places from begin[i] to begin[i + 1]; those of each table take all n.
+        begin = np.append(places.searchsorted(joined[:, 0]), 0)
+        begin[heads] = 0
+        end = begin[1:].copy()
+        end[heads[1:] - 1] = len(places)
+        return joined.T.repeat(end - begin[:-1], axis=1).reshape(shape)
 
 
 NO_RECORD: Final = np.zeros((1, 5))

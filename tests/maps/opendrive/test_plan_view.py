@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.maps.opendrive.plan_view import PlanShape, evaluate, evaluate_all, find_torn_joints, place_on
+from rosbridge_sim.maps.opendrive.plan_view import Cubics, PlanShape, find_torn_joints, place_on
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 S = np.linspace(0.0, 60.0, 121)
@@ -95,17 +95,16 @@ def test_joints_with_a_gap_of_a_centimetre_or_a_kink_of_a_degree_are_found() -> 
 
 
 def test_polynomials_hold_from_their_start_with_their_own_variable() -> None:
-    cubics = np.array([[0.0, 1.0, 0.5, 0.0, 0.0], [10.0, 6.0, 0.0, 0.1, 0.01]])
-    assert evaluate(cubics, np.array([0.0, 4.0, 10.0, 12.0])).tolist() == [1.0, 3.0, 6.0, 6.0 + 0.4 + 0.08]
-    assert evaluate(cubics, np.array([0.0, 10.0])).tolist() == [1.0, 6.0]
-    assert evaluate(np.zeros((0, 5)), S).tolist() == [0.0] * len(S)
+    cubics = Cubics([np.array([[0.0, 1.0, 0.5, 0.0, 0.0], [10.0, 6.0, 0.0, 0.1, 0.01]]), np.zeros((0, 5))])
+    assert cubics.at(np.array([0.0, 4.0, 10.0, 12.0])).tolist() == [[1.0, 3.0, 6.0, 6.0 + 0.4 + 0.08], [0.0] * 4]
+    assert cubics.at(np.array([0.0, 10.0])).tolist() == [[1.0, 6.0], [0.0, 0.0]]
 
 
 def test_tables_at_the_same_places_have_the_values_of_a_search_in_each() -> None:
     random = np.random.default_rng(4)
     for counts in ([1, 1], [3, 0, 1, 5], [0], [2, 7]):
         tables = [np.column_stack([np.sort(random.uniform(-5.0, 70.0, n)), random.normal(size=(n, 4))]) for n in counts]
-        for table, values in zip(tables, evaluate_all(tables, S), strict=True):
+        for table, values in zip(tables, Cubics(tables).at(S), strict=True):
             for s, value in zip(S[1:-1].tolist(), values[1:-1].tolist(), strict=True):
                 held = [row for row in table.tolist() if row[0] <= s] or table[:1].tolist() or [[0.0] * 5]
                 start, a, b, c, d = held[-1]
