@@ -7,6 +7,9 @@ ordinary way; so do tests of the start and the end of a process. Nor is its memo
 types, the maps of the scenes that most tests open with, with what was computed of their roads, and the files of the
 page are there, too (`tests/kept_work.py`): they never change.
 
+Programs that fork programs of their own in turn: what draws for sensors, and the workers of a campaign, are Python with
+`-c` and one of `CHILDREN`. They are forks of the program, without its threads, descriptors and signals.
+
 The process of the first fork is started when it is wanted, one for each process of tests, and ends with it. If there
 are several processes of tests, theirs are forked of one more. It is `python -m tests.fork_server FD`, where FD is a
 socket. A request is the length of a text, the text, and four file descriptors: stdin, stdout and stderr of the program,
@@ -32,9 +35,10 @@ import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType, TracebackType
-from typing import IO, NamedTuple, NoReturn, Self
+from typing import IO, Any, NamedTuple, NoReturn, Self
 
 from tests.cpu_time import communicate
 
@@ -51,22 +55,35 @@ _MODULES = (
     "rosbridge_sim.cli.bridge_commands",
     "rosbridge_sim.cli.command_table",
     "rosbridge_sim.campaign_runs.running",
+    "rosbridge_sim.cli.campaigns.campaign_results",
+    "rosbridge_sim.cli.campaigns.campaign_run",
     "rosbridge_sim.client",
     "rosbridge_sim.serving",
     "rosbridge_sim.shell.attach",
     "rosbridge_sim.shell.bags.bag_recorder",
     "rosbridge_sim.shell.drawing.map_picture",
+    "rosbridge_sim.shell.drawing.sensor_makers",
     "tests.far_side.server",
     "uvloop",
     "twisted.internet.endpoints",  # of roslibpy; what chooses an event loop is not among them
     "twisted.internet.ssl",
     "autobahn.websocket.protocol",
+    "encodings.ascii",
     "encodings.idna",  # of a listening asyncio
+    "fsspec.implementations.local",
+    "pebble",
     "pyproj",
     "numpy.ma",  # numpy imports it when it is first used
     "pytest",  # of tests that users write; a plugin of it that were imported here could not be rewritten
 )
 """What the programs import at their start, but for their `__main__`, which each of them runs itself."""
+
+CHILDREN = (
+    "from multiprocessing.forkserver import main; main(",
+    "from multiprocessing.resource_tracker import main;main(",
+    "import sys; sys.path[:] = sys.argv[1:]; from rosbridge_sim.shell.drawing.drawing_process import main; main()",
+)
+"""How the code of programs begins that programs start, and that would import for a third of a second."""
 
 _LENGTH = 4
 """Of the head of a request [bytes]."""
@@ -422,6 +439,7 @@ def _run(request: _Request) -> None:
     if request.env.get("PYTHONUNBUFFERED"):
         sys.stdout.reconfigure(line_buffering=True)
     os.chdir(request.cwd)
+    _fork_children()
     code: object = None
     first, *words = request.command
     try:
@@ -447,6 +465,70 @@ def _run(request: _Request) -> None:
         traceback.print_exc()
         code = 1
     _end(code)
+
+
+def _fork_children() -> None:
+    """Have this program fork what would be Python with `CHILDREN` again."""
+    import _posixsubprocess  # noqa: PLC0415 - not on Windows, where nothing is forked
+
+    fork_exec = _posixsubprocess.fork_exec
+
+    def fork(args: Sequence[str | bytes | Path], *options: Any) -> int:  # noqa: ANN401 - those of the standard library
+        """As `fork_exec`, which `subprocess` and `multiprocessing` call alike."""
+        words = [*map(os.fsdecode, args)]
+        where = words.index("-c") if words[0] == sys.executable and "-c" in words else 0
+        if not where or not words[where + 1].startswith(CHILDREN):
+            pid: int = fork_exec(args, *options)
+            return pid
+        sys.stdout.flush()  # else the child would write it, too
+        pid = os.fork()
+        if not pid:
+            _run_child(words[where:], *options[2:13])
+        return pid
+
+    for module, name in ((_posixsubprocess, "fork_exec"), (subprocess, "_fork_exec")):
+        assert hasattr(module, name)
+        setattr(module, name, fork)
+
+
+def _run_child(words: list[str], keep: Sequence[int], cwd: str | None, env: Sequence[bytes] | None, *fds: int) -> None:
+    """Run a child's code in this fork as after `exec`, and end.
+
+    Args:
+        words: `-c`, the code and its arguments.
+        keep: descriptors that it has beside the standard streams.
+        cwd: its folder; None is that of its parent.
+        env: `NAME=VALUE`; None is that of its parent.
+        fds: of pipes, -1 for none: the ends that are read and written of stdin's, of stdout's, of stderr's, and of one
+            that tells that `exec` has failed.
+    """
+    code = 1
+    try:
+        atexit._clear()
+        signal.set_wakeup_fd(-1)
+        for number in signal.valid_signals():
+            if callable(signal.getsignal(number)):
+                signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+        for source, target in ((fds[0], 0), (fds[3], 1), (fds[5], 2)):
+            if source >= 0:
+                os.dup2(source, target)
+        for lower, upper in pairwise([2, *sorted({*keep} - {fds[7]}), os.sysconf("SC_OPEN_MAX")]):
+            os.closerange(lower + 1, upper)
+        if cwd is not None:
+            os.chdir(cwd)
+        if env is not None:
+            os.environ.clear()
+            os.environ.update(dict(os.fsdecode(each).split("=", 1) for each in env))
+        sys.argv = ["-c", *words[2:]]
+        sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - a descriptor, to the end
+        exec(words[1], {"__name__": "__main__"})  # noqa: S102 - the child
+        code = 0
+    except SystemExit as end:
+        code = int(end.code or 0)
+    except BaseException:  # noqa: BLE001 - as the interpreter does
+        traceback.print_exc()
+    finally:
+        os._exit(code)
 
 
 def _end(code: object) -> NoReturn:

@@ -128,3 +128,38 @@ asyncio.run(main())
 def test_program_finds_the_usual_scenes_their_types_and_the_page_read() -> None:
     done = fork_server.run(["-c", REFUSING])
     assert done.returncode == 0, done.stderr
+
+
+STARTING = """
+import multiprocessing, os, subprocess, sys, threading
+from rosbridge_sim.shell.drawing import drawing_process
+from tests.test_fork_server import tell
+
+if __name__ == "__main__":
+    threading.Thread(target=threading.Event().wait, daemon=True).start()
+    context = multiprocessing.get_context("forkserver")
+    worker = context.Process(target=tell, args=[os.getpid()])
+    worker.start()
+    worker.join()
+    print("code", worker.exitcode)
+    command = [sys.executable, "-c", drawing_process._START, *sys.path]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env={"OWN": "x"}) as drawing:
+        print(open(f"/proc/{drawing.pid}/cmdline").read() == open("/proc/self/cmdline").read())
+        print(sorted(os.listdir(f"/proc/{drawing.pid}/fd"), key=int)[:3])
+        print(drawing.communicate()[0])
+    print(drawing.returncode)
+"""
+"""A program that starts a worker of `multiprocessing`, and what draws for sensors."""
+
+
+def tell(parent: int) -> None:
+    """Say whose child this process is, if it is not that of its parent; and end as one that has failed."""
+    print(os.getppid() != parent, os.environ["OWN"])  # noqa: T201 - what the test reads
+    raise SystemExit(3)
+
+
+def test_programs_of_a_program_are_forks_of_it_with_streams_and_ends_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(STARTING)
+    done = fork_server.run([tmp_path / "program.py"], env={**os.environ, "OWN": "안녕"})
+    assert done.stderr == ""
+    assert done.stdout.splitlines() == ["True 안녕", "code 3", "True", "['0', '1', '2']", "b''", "0"]
