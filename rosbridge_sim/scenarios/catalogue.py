@@ -1,7 +1,6 @@
 """Models that can be placed, by the names and numbers of MORAI's clients and files.
 
-`CATALOGUE` is our list. `SyncModeAddObj.name`, and a scenario's `modelName` and `DataID`, are looked up in it. Sizes
-are
+`CATALOGUE` is our list. `SyncModeAddObj.name`, `modelName` and `DataID` of scenarios are looked up in it. Sizes are
 those of the real vehicles and things. Vehicle names are MORAI's own where they are known. The model of a `DataID` is
 published for a few only. An unknown number gets the ordinary size of its class, and a name that contains the number
 (`model_by_class`); the scenario reader reports it. The user's own models (`Catalogue.own`) are looked up first.
@@ -11,55 +10,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Final
 
 from rosbridge_sim.records import Record
 from rosbridge_sim.suggestions import hint
+from rosbridge_sim.units import KMH_TO_MPS
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
 
-
-class _Engine(NamedTuple):
-    """Longitudinal figures of a model, for the single track model; see `Body` for those without a text here.
-
-    `power` is what gives the time to 100 km/h of the list below, in our model with the launch that is written there, a
-    guess. So it is less than the power of the engine that the maker states.
-    """
-
-    launch_accel: float = 3.5
-    power: float = 49.8
-    top_kmh: float = 185.0
-    drag_area: float = 0.53  # cd A [m^2]
-    grip: float = 1.0
-    grip_along: float = 1.3
-    engine_drag: float = 0.3
-
-
 _AIR: Final = 1.2
 """Density of air at 20 degrees [kg/m^3]."""
-
-# Seconds to 100 km/h and top speed, of the makers for Europe: Ioniq hybrid 10.8 s and 185 km/h, Niro hybrid 11.5 s and
-# 162 km/h, Ioniq 5 with 160 kW 7.4 s and 185 km/h, Golf GTI 6.4 s and 250 km/h, Stinger 2.0 6.0 s and 240 km/h. The
-# tyres of the last two grip better. All others are estimates of their class: K5 10 s and 205 km/h,
-# K7 9 s and 215 km/h, Genesis 6.8 s and 240 km/h, van 14.5 s and 170 km/h, light truck 18 s and 140 km/h, bus 12 s to
-# 50 km/h and 100 km/h, motorcycle 5 s and 170 km/h, bicycle 7.5 s to 20 km/h and 32 km/h. All drag areas are estimates.
-# `grip_along` gives stops from 100 km/h that are usual in tests of magazines: within 36 to 38 m the cars, 35 m the Golf
-# GTI, 36 m the Stinger, 41 m the van. Tyres of trucks have less of it; those of two-wheelers are an estimate.
-_ENGINES: Final = {
-    "2016_Kia_Niro(HEV)": _Engine(3.5, 46.0, 162.0, 0.66),
-    "Hyundai_Ioniq_5": _Engine(4.5, 78.7, 185.0, 0.74),
-    "2015_Kia_K5": _Engine(3.8, 53.4, 205.0, 0.62),
-    "2014_Kia_K7": _Engine(4.0, 61.0, 215.0, 0.65),
-    "2016_Genesis_DH": _Engine(5.0, 92.8, 240.0, 0.62),
-    "2021_VW_Golf_GTI": _Engine(4.8, 106.0, 250.0, 0.60, grip=1.2, grip_along=1.4),
-    "2020_Kia_Stinger": _Engine(5.4, 101.0, 240.0, 0.66, grip=1.1, grip_along=1.35),
-    "Van": _Engine(2.8, 38.0, 170.0, 1.15, grip_along=1.15),
-    "Truck": _Engine(2.5, 32.4, 140.0, 1.4, grip_along=1.0),
-    "Bus": _Engine(1.5, 12.5, 100.0, 4.8, grip_along=1.0),
-    "Motorcycle": _Engine(7.0, 125.0, 170.0, 0.4, grip_along=1.0),
-    "Bicycle": _Engine(1.2, 3.3, 32.0, 0.45, grip_along=1.0, engine_drag=0.0),
-}
 
 
 class Model(Record):
@@ -80,55 +41,83 @@ class Model(Record):
     mass: float | None = None
 
 
-# The largest steering angle of the Ioniq and the Niro is published (36.25 degrees); similar cars have about the same.
-_CAR_STEER: Final = math.radians(36.25)
+_VEHICLES: Final = """
+name               length width height front  rear accel decel  mass load drive launch power top drag grip along
+2016_Hyundai_Ioniq  4.470 1.820  1.450 0.880 0.890   3.5   8.5  1450 0.59     1    3.5  49.8 185 0.53    1   1.3
+2016_Kia_Niro(HEV)  4.355 1.805  1.545 0.870 0.785   3.5   8.5  1500 0.59     1    3.5    46 162 0.66    1   1.3
+Hyundai_Ioniq_5     4.635 1.900  1.605 0.845 0.790   3.5   8.5  1980  0.5     0    4.5  78.7 185 0.74    1   1.3
+2015_Kia_K5         4.845 1.835  1.475 0.965 1.085   3.5   8.5  1545  0.6     1    3.8  53.4 205 0.62    1   1.3
+2014_Kia_K7         5.010 1.885  1.475 1.000 1.120   3.5   8.5  1635  0.6     1      4    61 215 0.65    1   1.3
+2016_Genesis_DH     4.996 1.920  1.480 0.846 1.140   4.5   8.5  1975 0.52     0      5  92.8 240 0.62    1   1.3
+2021_VW_Golf_GTI    4.380 1.780  1.478 0.860 0.889   4.5   8.5  1505 0.61     1    4.8   106 250  0.6  1.2   1.4
+2020_Kia_Stinger    4.830 1.870  1.400 0.830 1.095     5   8.5  1765 0.53     0    5.4   101 240 0.66  1.1  1.35
+Van                 5.150 1.920  1.925 0.880 1.070   2.5   8.5  2275 0.55     0    2.8    38 170 1.15    1  1.15
+Truck               5.120 1.740  1.965 1.205 1.275   2.2     7  1850 0.58     0    2.5  32.4 140  1.4    1     1
+Bus                10.955 2.490  3.220 2.565 2.990   1.5     6 11500 0.35     0    1.5  12.5 100  4.8    1     1
+Motorcycle          2.100 0.800  1.650 0.350 0.350     5   8.5   275  0.5     0      7   125 170  0.4    1     1
+Bicycle             1.800 0.600  1.750 0.380 0.370     1     4    90 0.45     0    1.2   3.3  32 0.45    1     1
+"""
+"""Vehicles: length, width, height, front and rear overhang [m], the rest is the wheelbase; largest acceleration and
+deceleration [m/s^2]; mass [kg], load and drive of the front axle as shares; acceleration at the start [m/s^2], power
+for each kg [W], top speed [km/h], drag area [m^2]; grip of the tyres across and along. See `Body`.
+
+Lengths, widths and overhangs down to the Stinger are those of MORAI's models, heights those of the real cars; all
+figures of the Niro are those of the real car, wheelbase 2.7 m. The names from the van on are ours, with values of
+common examples: a Starex, a Porter, a city bus of 11 m; two-wheelers have their riders.
+
+Masses are kerb weights of the makers and 75 kg for the driver. Loads of the front axle are those usual for the layout:
+0.59 to 0.61 with front-wheel drive, 0.5 to 0.55 with rear-wheel drive.
+
+The power is what gives the time to 100 km/h in our model with the start that is written there, a guess; so it is less
+than that of the engine that the maker states. Seconds to 100 km/h and top speed, of the makers for Europe: Ioniq hybrid
+10.8 s and 185 km/h, Niro hybrid 11.5 s and 162 km/h, Ioniq 5 with 160 kW 7.4 s and 185 km/h, Golf GTI 6.4 s and 250
+km/h, Stinger 2.0 6.0 s and 240 km/h. The tyres of the last two grip better. All others are estimates of their class: K5
+10 s and 205 km/h, K7 9 s and 215 km/h, Genesis 6.8 s and 240 km/h, van 14.5 s and 170 km/h, light truck 18 s and 140
+km/h, bus 12 s to 50 km/h and 100 km/h, motorcycle 5 s and 170 km/h, bicycle 7.5 s to 20 km/h and 32 km/h. All drag
+areas are estimates. The grip along gives stops from 100 km/h that are usual in tests of magazines: within 36 to 38 m
+the cars, 35 m the Golf GTI, 36 m the Stinger, 41 m the van. Tyres of trucks have less of it; those of two-wheelers are
+an estimate.
+"""
+
+_USUAL: Final = {"max_steer": math.radians(36.25), "engine_drag": 0.3}
+"""Of cars. The steering angle of the Ioniq and the Niro is published; similar cars have about the same."""
+
+_UPRIGHT: Final = {"roll_gain": 0.0, "pitch_gain": 0.0}
+"""Two-wheelers lean into bends, which is not simulated."""
+
+_UNUSUAL: Final = {
+    "Bus": {"max_steer": math.radians(45.0)},
+    "Motorcycle": _UPRIGHT,
+    "Bicycle": {**_UPRIGHT, "engine_drag": 0.0},
+}
+
+_DATA_IDS: Final = {"Hyundai_Ioniq_5": (20200012,)}
 
 
-def _car(
-    name: str,
-    size: tuple[float, float, float],
-    front: float,
-    rear: float,
-    *data_ids: int,
-    max_steer: float = _CAR_STEER,
-    max_accel: float = 3.5,
-    max_decel: float = 8.5,
-    mass: float = 1450.0,
-    front_load: float = 0.59,
-    front_drive: float = 1.0,
-    leans: bool = True,
-) -> Model:
-    """Return a vehicle with this length, width, height, front and rear overhang [m]; the rest is the wheelbase.
-
-    Masses are kerb weights of the makers and 75 kg for the driver. Loads of the front axle are those usual for the
-    layout: 0.59 to 0.61 with front-wheel drive, 0.5 to 0.55 with rear-wheel drive.
-    """
-    length, width, height = size
-    engine = _ENGINES.get(name, _Engine())
-    body = Body(
-        length,
-        width,
-        height,
-        wheelbase=round(length - front - rear, 6),
-        front_overhang=front,
-        rear_overhang=rear,
-        max_steer=max_steer,
-        max_accel=max_accel,
-        max_decel=max_decel,
-        mass=mass,
-        front_load=front_load,
-        cg_height=round(CG_SHARE * height, 3),
-        front_drive=front_drive,
-        grip=engine.grip,
-        grip_along=engine.grip_along,
-        launch_accel=engine.launch_accel,
-        power=engine.power,
-        top_speed=engine.top_kmh / 3.6,
-        air_drag=round(0.5 * _AIR * engine.drag_area / mass, 6),
-        engine_drag=engine.engine_drag,
-        **({} if leans else {"roll_gain": 0.0, "pitch_gain": 0.0}),
-    )
-    return Model(name, Kind.VEHICLE, body, data_ids)
+def _read_vehicles(table: str) -> Iterator[Model]:
+    header, *rows = (line.split() for line in table.strip().splitlines())
+    for name, *figures in rows:
+        row = dict(zip(header[1:], map(float, figures), strict=True))
+        body = Body(
+            *(row["length"], row["width"], row["height"]),
+            wheelbase=round(row["length"] - row["front"] - row["rear"], 6),
+            front_overhang=row["front"],
+            rear_overhang=row["rear"],
+            max_accel=row["accel"],
+            max_decel=row["decel"],
+            mass=row["mass"],
+            front_load=row["load"],
+            cg_height=round(CG_SHARE * row["height"], 3),
+            front_drive=row["drive"],
+            grip=row["grip"],
+            grip_along=row["along"],
+            launch_accel=row["launch"],
+            power=row["power"],
+            top_speed=row["top"] * KMH_TO_MPS,
+            air_drag=round(0.5 * _AIR * row["drag"] / row["mass"], 6),
+            **{**_USUAL, **_UNUSUAL.get(name, {})},
+        )
+        yield Model(name, Kind.VEHICLE, body, _DATA_IDS.get(name, ()))
 
 
 def _thing(kind: Kind, name: str, length: float, width: float, height: float, *data_ids: int) -> Model:
@@ -141,86 +130,7 @@ def _plain_car(data_id: int) -> Model:
 
 
 CATALOGUE: Final[tuple[Model, ...]] = (
-    # Lengths, widths and overhangs are those of MORAI's models; heights are those of the real cars.
-    _car("2016_Hyundai_Ioniq", (4.470, 1.820, 1.450), 0.880, 0.890, mass=1450.0),
-    _car(
-        "2016_Kia_Niro(HEV)", (4.355, 1.805, 1.545), 0.870, 0.785, mass=1500.0
-    ),  # all values of the real car, wheelbase 2.7
-    _car(
-        "Hyundai_Ioniq_5", (4.635, 1.900, 1.605), 0.845, 0.790, 20200012, mass=1980.0, front_load=0.5, front_drive=0.0
-    ),
-    _car("2015_Kia_K5", (4.845, 1.835, 1.475), 0.965, 1.085, mass=1545.0, front_load=0.6),
-    _car("2014_Kia_K7", (5.010, 1.885, 1.475), 1.000, 1.120, mass=1635.0, front_load=0.6),
-    _car(
-        "2016_Genesis_DH",
-        (4.996, 1.920, 1.480),
-        0.846,
-        1.140,
-        max_accel=4.5,
-        mass=1975.0,
-        front_load=0.52,
-        front_drive=0.0,
-    ),
-    _car("2021_VW_Golf_GTI", (4.380, 1.780, 1.478), 0.860, 0.889, max_accel=4.5, mass=1505.0, front_load=0.61),
-    _car(
-        "2020_Kia_Stinger",
-        (4.830, 1.870, 1.400),
-        0.830,
-        1.095,
-        max_accel=5.0,
-        mass=1765.0,
-        front_load=0.53,
-        front_drive=0.0,
-    ),
-    # The names from here on are ours, with values of common examples: a Starex, a Porter, a city bus of 11 m.
-    _car("Van", (5.150, 1.920, 1.925), 0.880, 1.070, max_accel=2.5, mass=2275.0, front_load=0.55, front_drive=0.0),
-    _car(
-        "Truck",
-        (5.120, 1.740, 1.965),
-        1.205,
-        1.275,
-        max_accel=2.2,
-        max_decel=7.0,
-        mass=1850.0,
-        front_load=0.58,
-        front_drive=0.0,
-    ),
-    _car(
-        "Bus",
-        (10.955, 2.490, 3.220),
-        2.565,
-        2.990,
-        max_steer=math.radians(45.0),
-        max_accel=1.5,
-        max_decel=6.0,
-        mass=11_500.0,
-        front_load=0.35,
-        front_drive=0.0,
-    ),
-    # Two-wheelers; their height and mass include the rider. They lean into bends, which is not simulated.
-    _car(
-        "Motorcycle",
-        (2.100, 0.800, 1.650),
-        0.350,
-        0.350,
-        max_accel=5.0,
-        mass=275.0,
-        front_load=0.5,
-        front_drive=0.0,
-        leans=False,
-    ),
-    _car(
-        "Bicycle",
-        (1.800, 0.600, 1.750),
-        0.380,
-        0.370,
-        max_accel=1.0,
-        max_decel=4.0,
-        mass=90.0,
-        front_load=0.45,
-        front_drive=0.0,
-        leans=False,
-    ),
+    *_read_vehicles(_VEHICLES),
     # Pedestrians: length of a stride, width with the arms, mean height of Korean adults and of a child of seven.
     _thing(Kind.PEDESTRIAN, "Pedestrian", 0.45, 0.55, 1.70),
     _thing(Kind.PEDESTRIAN, "Man", 0.45, 0.55, 1.74),
