@@ -1,10 +1,11 @@
 """The table of OpenSCENARIO's elements: which are read, with which attributes and parts, and which are refused.
 
-A row is `Name: attributes parts`. An attribute is `name:type` or `name=word|word`, with `?` behind its name if it may
-be missing. A part is the name of an element: once, or with `?` (may be missing), `*` (any number), or `(A|B)` (one of
-them). A catalogue reference may stand wherever its entry may. `!` before a name refuses the element, and `~` keeps it
-without effect and without looking into it. The names are those of ASAM OpenSCENARIO XML 1.3; the versions before it
-have a part of them, and the four names at the end are additions of MORAI.
+A row is `Names: attributes parts`: elements that have the same share it. An attribute is `name:type` or
+`name=word|word`, with `?` behind its name if it may be missing. A part is the name of an element: once, or with `?`
+(may be missing), `*` (any number), or `(A|B)` (one of them). A catalogue reference may stand wherever its entry may.
+The elements behind `!` are refused, those behind `~` are kept without effect and without looking into them. The names
+are those of ASAM OpenSCENARIO XML 1.3; the versions before it have a part of them. Additions of MORAI are LinkPosition,
+Evaluation with its groups, and SimulatorInfo.
 """
 
 from __future__ import annotations
@@ -16,45 +17,33 @@ from typing import Final
 from rosbridge_sim.records import Record
 
 _RULE: Final = "rule=greaterThan|lessThan|equalTo|greaterOrEqual|lessOrEqual|notEqualTo"
+_DIRECTED: Final = f"value:number {_RULE} direction?=longitudinal|lateral|vertical"
 _DISTANCE: Final = (
-    "freespace:bool alongRoute?:bool coordinateSystem?=entity|lane|road|trajectory|world"
+    f"value:number {_RULE} freespace:bool alongRoute?:bool coordinateSystem?=entity|lane|road|trajectory|world"
     " relativeDistanceType?=longitudinal|lateral|cartesianDistance|euclidianDistance routingAlgorithm?:text"
 )
-_RELATIVE: Final = "entityRef:entity dx:number dy:number dz?:number Orientation?"
-_SHAPE: Final = (
-    "dynamicsShape=linear|cubic|sinusoidal|step dynamicsDimension=rate|time|distance value:number followingMode?:text"
+_LIMITS: Final = (
+    "maxSpeed?:number maxAcceleration?:number maxDeceleration?:number maxAccelerationRate?:number"
+    " maxDecelerationRate?:number"
 )
-_AXLE: Final = (
-    "maxSteering:number wheelDiameter:number trackWidth:number positionX:number positionZ:number wheelWidth?:number"
-)
-_LIMITS: Final = "maxSpeed?:number maxAcceleration?:number maxDeceleration?:number"
-_RATES: Final = "maxAccelerationRate?:number maxDecelerationRate?:number"
-_OVERRIDE: Final = "active=false|0"  # pedals that a story sets are refused, not ignored
+_PEDAL: Final = "active=false|0 value?:number maxRate?:number"  # one that a story sets is refused, not ignored
 
 _TABLE: Final = f"""
 OpenSCENARIO: FileHeader ParameterDeclarations? VariableDeclarations? MonitorDeclarations? CatalogLocations?
     RoadNetwork? Entities Storyboard Evaluation? SimulatorInfo?
 FileHeader: revMajor:count revMinor:count date?:text description?:text author?:text License? Properties?
-~License
 ParameterDeclarations: ParameterDeclaration*
 ParameterDeclaration: name:text parameterType?:text value?:text ConstraintGroup*
-~ConstraintGroup
 VariableDeclarations: VariableDeclaration*
 VariableDeclaration: name:text variableType?:text value:text
-~MonitorDeclarations
-~CatalogLocations
 RoadNetwork: LogicFile? SceneGraphFile? TrafficSignals? UsedArea?
 LogicFile: filepath:text
-~SceneGraphFile
-~UsedArea
 TrafficSignals: TrafficSignalController*
 TrafficSignalController: name:text delay?:number reference?:text Phase*
-Phase: name:text duration:number TrafficSignalState* !TrafficSignalGroupState?
+Phase: name:text duration:number TrafficSignalState* TrafficSignalGroupState?
 TrafficSignalState: trafficSignalId:text state:text
 Entities: ScenarioObject* EntitySelection*
-!EntitySelection
 ScenarioObject: name:text (Vehicle|Pedestrian|MiscObject|ExternalObjectReference) ObjectController*
-!ExternalObjectReference
 ObjectController: name?:text (Controller)
 Controller: name:text controllerType?:text ParameterDeclarations? Properties?
 Vehicle: name:text vehicleCategory:text model3d?:text mass?:number role?:text ParameterDeclarations? BoundingBox
@@ -62,21 +51,15 @@ Vehicle: name:text vehicleCategory:text model3d?:text mass?:number role?:text Pa
 Pedestrian: name:text pedestrianCategory?:text model?:text model3d?:text mass?:number role?:text
     ParameterDeclarations? BoundingBox Properties?
 MiscObject: name:text miscObjectCategory?:text model3d?:text mass?:number ParameterDeclarations? BoundingBox Properties?
-~TrailerHitch
-~TrailerCoupler
-~Trailer
 BoundingBox: Center Dimensions
 Center: x:number y:number z:number
 Dimensions: length:number width:number height:number
-Performance: {_LIMITS} {_RATES}
+Performance DynamicConstraints: {_LIMITS}
 Axles: FrontAxle? RearAxle? AdditionalAxle*
-FrontAxle: {_AXLE}
-RearAxle: {_AXLE}
-AdditionalAxle: {_AXLE}
+FrontAxle RearAxle AdditionalAxle: maxSteering:number wheelDiameter:number trackWidth:number positionX:number
+    positionZ:number wheelWidth?:number
 Properties: Property* File* CustomContent*
 Property: name:text value:text
-~File
-~CustomContent
 Storyboard: Init Story* StopTrigger?
 Init: Actions
 Actions: GlobalAction* UserDefinedAction* Private*
@@ -85,14 +68,12 @@ Story: name?:text ParameterDeclarations? Act*
 Act: name:text ManeuverGroup* StartTrigger? StopTrigger?
 ManeuverGroup: name:text maximumExecutionCount?:count Actors Maneuver*
 Actors: selectTriggeringEntities?=false EntityRef*
-EntityRef: entityRef:entity
+EntityRef FromCurrentEntity: entityRef:entity
 Maneuver: name:text ParameterDeclarations? Event*
 Event: name:text priority?=overwrite|override|skip|parallel maximumExecutionCount?:count Action* StartTrigger?
 Action: name:text (PrivateAction|GlobalAction|UserDefinedAction)
-!UserDefinedAction
-StartTrigger: ConditionGroup*
-StopTrigger: ConditionGroup*
-ConditionGroup: Condition*
+StartTrigger StopTrigger: ConditionGroup*
+ConditionGroup SuccessConditionGroup FailureConditionGroup: Condition*
 Condition: name:label delay?:number conditionEdge?=rising|falling|risingOrFalling|none
     (ByEntityCondition|ByValueCondition)
 PrivateAction: (LongitudinalAction|LateralAction|SynchronizeAction|ControllerAction|ActivateControllerAction
@@ -100,33 +81,29 @@ PrivateAction: (LongitudinalAction|LateralAction|SynchronizeAction|ControllerAct
 LongitudinalAction: (SpeedAction|LongitudinalDistanceAction|SpeedProfileAction)
 LateralAction: (LaneChangeAction|LaneOffsetAction|LateralDistanceAction)
 SpeedAction: SpeedActionDynamics SpeedActionTarget
-SpeedActionDynamics: {_SHAPE}
+SpeedActionDynamics LaneChangeActionDynamics: dynamicsShape=linear|cubic|sinusoidal|step
+    dynamicsDimension=rate|time|distance value:number followingMode?:text
 SpeedActionTarget: (AbsoluteTargetSpeed|RelativeTargetSpeed)
-AbsoluteTargetSpeed: value:number
+AbsoluteTargetSpeed AbsoluteTargetLaneOffset AddValue MultiplyByValue TraveledDistanceCondition: value:number
 RelativeTargetSpeed: entityRef:entity value:number speedTargetValueType=delta|factor continuous:bool
 LongitudinalDistanceAction: entityRef:entity continuous:bool freespace:bool distance?:number timeGap?:number
     coordinateSystem?=entity|road|lane displacement?=any|leadingReferencedEntity|trailingReferencedEntity
     DynamicConstraints?
-DynamicConstraints: {_LIMITS} {_RATES}
 SpeedProfileAction: followingMode=position|follow entityRef?:entity DynamicConstraints? SpeedProfileEntry*
 SpeedProfileEntry: speed:number time?:number
 LaneChangeAction: targetLaneOffset?:number LaneChangeActionDynamics LaneChangeTarget
-LaneChangeActionDynamics: {_SHAPE}
 LaneChangeTarget: (AbsoluteTargetLane|RelativeTargetLane)
-AbsoluteTargetLane: value:text
+AbsoluteTargetLane SetAction: value:text
 RelativeTargetLane: entityRef:entity value:whole
 LaneOffsetAction: continuous:bool LaneOffsetActionDynamics LaneOffsetTarget
 LaneOffsetActionDynamics: dynamicsShape=linear|cubic|sinusoidal|step maxLateralAcc?:number
 LaneOffsetTarget: (AbsoluteTargetLaneOffset|RelativeTargetLaneOffset)
-AbsoluteTargetLaneOffset: value:number
 RelativeTargetLaneOffset: entityRef:entity value:number
 LateralDistanceAction: entityRef:entity continuous:bool freespace:bool distance?:number
     coordinateSystem?=entity|road|lane displacement?=any|leftToReferencedEntity|rightToReferencedEntity
     DynamicConstraints?
 SynchronizeAction: masterEntityRef:entity targetToleranceMaster?:number targetTolerance?:number TargetPositionMaster
     TargetPosition FinalSpeed?
-TargetPositionMaster: (POSITIONS)
-TargetPosition: (POSITIONS)
 FinalSpeed: (AbsoluteSpeed|RelativeSpeedToMaster)
 AbsoluteSpeed: value:number TargetDistanceSteadyState? TargetTimeSteadyState?
 RelativeSpeedToMaster: value:number speedTargetValueType=delta|factor
@@ -139,110 +116,77 @@ AssignControllerAction: activateLateral?:bool activateLongitudinal?:bool activat
 ActivateControllerAction: lateral?:bool longitudinal?:bool lighting?:bool animation?:bool objectControllerRef?:text
     controllerRef?:text
 OverrideControllerValueAction: Throttle? Brake? Clutch? ParkingBrake? SteeringWheel? Gear?
-Throttle: {_OVERRIDE} value?:number maxRate?:number
-Brake: {_OVERRIDE} value?:number maxRate?:number BrakePercent? BrakeForce?
-~BrakePercent
-~BrakeForce
-Clutch: {_OVERRIDE} value?:number maxRate?:number
-ParkingBrake: {_OVERRIDE} value?:number BrakePercent? BrakeForce?
-SteeringWheel: {_OVERRIDE} value?:number maxRate?:number maxTorque?:number
-Gear: {_OVERRIDE} number?:number ManualGear? AutomaticGear?
-~ManualGear
-~AutomaticGear
-TeleportAction: Position
+Throttle Clutch: {_PEDAL}
+Brake: {_PEDAL} BrakePercent? BrakeForce?
+ParkingBrake: active=false|0 value?:number BrakePercent? BrakeForce?
+SteeringWheel: {_PEDAL} maxTorque?:number
+Gear: active=false|0 number?:number ManualGear? AutomaticGear?
+TeleportAction AcquirePositionAction AddEntityAction: Position
 RoutingAction: (AssignRouteAction|FollowTrajectoryAction|AcquirePositionAction|RandomRouteAction)
-AssignRouteAction: (Route)
+AssignRouteAction RouteRef: (Route)
 Route: name:text closed?:bool ParameterDeclarations? Waypoint*
 Waypoint: routeStrategy?:text Position
-AcquirePositionAction: Position
 FollowTrajectoryAction: initialDistanceOffset?:number Trajectory? TrajectoryRef? TimeReference TrajectoryFollowingMode?
 TrajectoryRef: (Trajectory)
 Trajectory: name:text closed?:bool ParameterDeclarations? Shape
 Shape: (Polyline|Clothoid|ClothoidSpline|Nurbs)
 Polyline: Vertex*
 Vertex: time?:number Position
-!Clothoid
-!ClothoidSpline
-!Nurbs
 TimeReference: (None|Timing)
-None:
+None DeleteEntityAction:
 Timing: domainAbsoluteRelative=absolute|relative scale:number offset:number
 TrajectoryFollowingMode: followingMode=position|follow
-!RandomRouteAction
-!TrailerAction
-~VisibilityAction
-~AppearanceAction
 GlobalAction: (EnvironmentAction|EntityAction|InfrastructureAction|ParameterAction|VariableAction|SetMonitorAction
     |TrafficAction)
 EnvironmentAction: (Environment)
 Environment: name?:text ParameterDeclarations? TimeOfDay? Weather? RoadCondition?
-~TimeOfDay
 Weather: cloudState?:text fractionalCloudCover?:text temperature?:number atmosphericPressure?:number
     Sun? Fog? Precipitation? Wind? DomeImage?
 Sun: elevation:number azimuth?:number intensity?:number illuminance?:number
 Fog: visualRange:number BoundingBox?
 Precipitation: precipitationType=dry|rain|snow intensity?:number precipitationIntensity?:number
-~Wind
-~DomeImage
 RoadCondition: frictionScaleFactor:number wetness?:text Properties?
-~SetMonitorAction
-!TrafficAction
 EntityAction: entityRef:entity (AddEntityAction|DeleteEntityAction)
-AddEntityAction: Position
-DeleteEntityAction:
 InfrastructureAction: (TrafficSignalAction)
 TrafficSignalAction: (TrafficSignalStateAction|TrafficSignalControllerAction)
-TrafficSignalStateAction: name:text state:text
-TrafficSignalControllerAction: trafficSignalControllerRef:text phase:text
+TrafficSignalStateAction TrafficSignalCondition: name:text state:text
+TrafficSignalControllerAction TrafficSignalControllerCondition: trafficSignalControllerRef:text phase:text
 ParameterAction: parameterRef:text (SetAction|ModifyAction)
 VariableAction: variableRef:text (SetAction|ModifyAction)
-SetAction: value:text
 ModifyAction: Rule
 Rule: (AddValue|MultiplyByValue)
-AddValue: value:number
-MultiplyByValue: value:number
-Position: (POSITIONS)
+Position TargetPosition TargetPositionMaster: (POSITIONS)
 Orientation: type?=absolute|relative h?:number p?:number r?:number
 WorldPosition: x:number y:number z?:number h?:number p?:number r?:number
-RelativeWorldPosition: {_RELATIVE}
-RelativeObjectPosition: {_RELATIVE}
+RelativeWorldPosition RelativeObjectPosition: entityRef:entity dx:number dy:number dz?:number Orientation?
 RoadPosition: roadId:text s:number t:number Orientation?
 RelativeRoadPosition: entityRef:entity ds:number dt:number Orientation?
 LanePosition: roadId:text laneId:text s:number offset?:number Orientation?
 RelativeLanePosition: entityRef:entity dLane:whole ds?:number dsLane?:number offset?:number Orientation?
 RoutePosition: RouteRef InRoutePosition Orientation?
-RouteRef: (Route)
 InRoutePosition: (FromCurrentEntity|FromRoadCoordinates|FromLaneCoordinates)
-FromCurrentEntity: entityRef:entity
 FromRoadCoordinates: pathS:number t:number
 FromLaneCoordinates: pathS:number laneId:text laneOffset?:number
 GeoPosition: latitude?:number longitude?:number height?:number latitudeDeg?:number longitudeDeg?:number
     altitude?:number verticalRoadSelection?:text Orientation?
 TrajectoryPosition: s:number t?:number TrajectoryRef Orientation?
+LinkPosition: linkId:text s?:number offset?:number Orientation?
 ByEntityCondition: TriggeringEntities EntityCondition
 TriggeringEntities: triggeringEntitiesRule=any|all EntityRef*
 EntityCondition: (EndOfRoadCondition|CollisionCondition|OffroadCondition|TimeHeadwayCondition|TimeToCollisionCondition
     |AccelerationCondition|StandStillCondition|SpeedCondition|RelativeSpeedCondition|TraveledDistanceCondition
     |ReachPositionCondition|DistanceCondition|RelativeDistanceCondition|RelativeClearanceCondition|AngleCondition
     |RelativeAngleCondition)
-EndOfRoadCondition: duration:number
+EndOfRoadCondition OffroadCondition StandStillCondition: duration:number
 CollisionCondition: EntityRef? ByType?
 ByType: type=pedestrian|vehicle|miscellaneous|external
-OffroadCondition: duration:number
-TimeHeadwayCondition: entityRef:entity value:number {_RULE} {_DISTANCE}
-TimeToCollisionCondition: value:number {_RULE} {_DISTANCE} TimeToCollisionConditionTarget
+TimeHeadwayCondition RelativeDistanceCondition: entityRef:entity {_DISTANCE}
+TimeToCollisionCondition: {_DISTANCE} TimeToCollisionConditionTarget
 TimeToCollisionConditionTarget: (EntityRef|Position)
-AccelerationCondition: value:number {_RULE} direction?=longitudinal|lateral|vertical
-StandStillCondition: duration:number
-SpeedCondition: value:number {_RULE} direction?=longitudinal|lateral|vertical
-RelativeSpeedCondition: entityRef:entity value:number {_RULE} direction?=longitudinal|lateral|vertical
-TraveledDistanceCondition: value:number
+SpeedCondition AccelerationCondition: {_DIRECTED}
+RelativeSpeedCondition: entityRef:entity {_DIRECTED}
 ReachPositionCondition: tolerance:number Position
-DistanceCondition: value:number {_RULE} {_DISTANCE} Position
-RelativeDistanceCondition: entityRef:entity value:number {_RULE} {_DISTANCE}
-!RelativeClearanceCondition
-!AngleCondition
-!RelativeAngleCondition
+DistanceCondition: {_DISTANCE} Position
 ByValueCondition: (ParameterCondition|VariableCondition|TimeOfDayCondition|SimulationTimeCondition
     |StoryboardElementStateCondition|UserDefinedValueCondition|TrafficSignalCondition
     |TrafficSignalControllerCondition)
@@ -252,16 +196,15 @@ SimulationTimeCondition: value:number {_RULE}
 StoryboardElementStateCondition: storyboardElementType=story|act|maneuverGroup|maneuver|event|action
     storyboardElementRef:text
     state=standbyState|runningState|completeState|startTransition|endTransition|stopTransition|skipTransition
-TrafficSignalCondition: name:text state:text
-TrafficSignalControllerCondition: trafficSignalControllerRef:text phase:text
-!TimeOfDayCondition
-!UserDefinedValueCondition
-LinkPosition: linkId:text s?:number offset?:number Orientation?
 Evaluation: SuccessConditionGroup* FailureConditionGroup*
-SuccessConditionGroup: Condition*
-FailureConditionGroup: Condition*
 SimulatorInfo: Map?
 Map: name:text
+! EntitySelection ExternalObjectReference TrafficSignalGroupState UserDefinedAction RandomRouteAction TrailerAction
+    TrafficAction Clothoid ClothoidSpline Nurbs RelativeClearanceCondition AngleCondition RelativeAngleCondition
+    TimeOfDayCondition UserDefinedValueCondition
+~ License ConstraintGroup MonitorDeclarations CatalogLocations SceneGraphFile UsedArea TrailerHitch TrailerCoupler
+    Trailer File CustomContent BrakePercent BrakeForce ManualGear AutomaticGear VisibilityAction AppearanceAction
+    TimeOfDay Wind DomeImage SetMonitorAction
 """
 
 POSITIONS: Final = (
@@ -314,9 +257,10 @@ class Row(Record):
 def _read_table(table: str) -> dict[str, Row]:
     rows: dict[str, Row] = {}
     for line in re.sub(r"\n {4}", " ", table).strip().splitlines():
-        name, _, rest = line.partition(":")
-        if name[0] in "!~":
-            rows[name[1:]] = Row({}, (), is_refused=name[0] == "!", is_idle=name[0] == "~")
+        names, _, rest = line.partition(":")
+        if names[0] in "!~":
+            row = Row({}, (), is_refused=names[0] == "!", is_idle=names[0] == "~")
+            rows |= dict.fromkeys(names[1:].split(), row)
             continue
         rest = re.sub(r" *\|", "|", rest).replace("(POSITIONS)", f"({'|'.join(POSITIONS)})")
         attributes, parts = {}, []
@@ -325,12 +269,9 @@ def _read_table(table: str) -> dict[str, Row]:
                 key, sign, kind = re.split(r"([:=])", word, maxsplit=1)
                 words = tuple(kind.split("|")) if sign == "=" else ()
                 attributes[key.rstrip("?")] = AttributeRow("text" if words else kind, words, key[-1] != "?")
-                continue
-            tags = tuple(word.strip("!?*()").split("|"))
-            parts.append(PartRow(tags, word[-1] not in "?*", word[-1] == "*"))
-            if word[0] == "!":
-                rows.setdefault(tags[0], Row({}, (), is_refused=True))
-        rows[name] = Row(attributes, tuple(parts))
+            else:
+                parts.append(PartRow(tuple(word.strip("?*()").split("|")), word[-1] not in "?*", word[-1] == "*"))
+        rows |= dict.fromkeys(names.split(), Row(attributes, tuple(parts)))
     return rows
 
 
