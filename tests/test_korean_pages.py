@@ -15,7 +15,7 @@ PAGES = {
     "README.ko.md": ("README.md", "0d8cbc2e84e4"),
     "docs/ko/tutorial.md": ("docs/tutorial.md", "fd53abea78f8"),
     "docs/ko/page.md": ("docs/guides/page.md", "ff73d1138240"),
-    "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "bd18c097c83f"),
+    "docs/ko/write_scenario.md": ("docs/guides/write_scenario.md", "42377c715bce"),
     "docs/ko/roslibpy.md": ("docs/guides/roslibpy.md", "b980737d1a0f"),
     "docs/ko/synchronous_mode.md": ("docs/reference/synchronous_mode.md", "cbece9e7da5a"),
     "docs/ko/sensors.md": ("docs/reference/sensors.md", "7b0548e24c1a"),

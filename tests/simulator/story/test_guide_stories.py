@@ -59,6 +59,7 @@ def other(world: World, kind: Kind) -> int:
 def test_the_page_has_four_stories_in_both_forms() -> None:
     names = {"cut-in", "jaywalker", "red light", "merge"}
     assert set(BLOCKS) == {(name, kind) for name in names for kind in SUFFIX}
+    assert all(len(text.splitlines()) <= 30 for text in BLOCKS.values())
 
 
 SPOILT = [
