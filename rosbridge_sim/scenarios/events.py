@@ -110,7 +110,7 @@ def blocks_story(text: StoryText) -> Story:
         variables={},
         map_file="",
         map_name="",
-        findings=Findings.none(),
+        findings=Findings(),
     )
     check_story(story)
     for mistake in story.findings.mistakes:

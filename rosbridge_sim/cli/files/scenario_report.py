@@ -220,7 +220,7 @@ def _account_story(
 ) -> tuple[_Report, Scenario | None, RoadMap | None]:
     """Return the same for a file of OpenSCENARIO."""
     found: list[str] = []
-    scenario, findings, road_map = None, Findings.none(), None
+    scenario, findings, road_map = None, Findings(), None
     map_account: _Report = {"name": None, "is_known": False}
     try:
         scenario, findings = library.examine_story(text, Path(source))

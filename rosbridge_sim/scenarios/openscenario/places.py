@@ -252,11 +252,16 @@ def _choose(roads: Roads, following: Sequence[int], route: Sequence[int]) -> int
     return min(on_route or following, key=lambda each: abs(float(roads.turn[each])))
 
 
-def _lane_id(text: str) -> int:
+def lane_id(text: str) -> int:
+    """Return the id of a lane in its road.
+
+    Raises:
+        DocumentError: the text is none.
+    """
     try:
         return int(text)
     except ValueError:
-        raise DocumentError(f"laneId: expected a whole number, got {printable(text, 40)!r}") from None
+        raise DocumentError(f"expected the id of a lane, a whole number, got {printable(text, 40)!r}") from None
 
 
 def _need_index(story_map: StoryMap) -> RoadPositions:
@@ -303,19 +308,24 @@ def _trajectory(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlac
 
 
 def _relative_world(_: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
-    place, _on = entity(item["entityRef"])
-    return MapPlace(place.x + item["dx"], place.y + item["dy"], place.z + item.get("dz", 0.0), place.yaw)
+    return _beside(entity(item["entityRef"])[0], item, 0.0)
 
 
 def _relative_object(_: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
-    place, _on = entity(item["entityRef"])
-    cos, sin, dx, dy = math.cos(place.yaw), math.sin(place.yaw), item["dx"], item["dy"]
-    x, y = place.x + dx * cos - dy * sin, place.y + dx * sin + dy * cos
-    return MapPlace(x, y, place.z + item.get("dz", 0.0), place.yaw)
+    place = entity(item["entityRef"])[0]
+    return _beside(place, item, place.yaw)
+
+
+def _beside(place: MapPlace, item: StoryItem, yaw: float) -> MapPlace:
+    """Return the place `dx`, `dy`, `dz` from another one, in axes that are turned by `yaw`."""
+    cos, sin, dx, dy = math.cos(yaw), math.sin(yaw), item["dx"], item["dy"]
+    return MapPlace(
+        place.x + dx * cos - dy * sin, place.y + dx * sin + dy * cos, place.z + item.get("dz", 0.0), place.yaw
+    )
 
 
 def _lane(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
-    index, lane = _need_index(story_map), _lane_id(item["laneId"])
+    index, lane = _need_index(story_map), lane_id(item["laneId"])
     return MapPlace(*_lane_place(index, item["roadId"], lane, item["s"], item.get("offset", 0.0)))
 
 
@@ -409,7 +419,7 @@ def _route(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
         return story_map.at(OnLane(moved.lane, moved.s, within["t"]))
     aside = within.get("laneOffset", 0.0)
     if story_map.index is not None:
-        aside += story_map.lane_beside(moved, _lane_id(within["laneId"]))[1]
+        aside += story_map.lane_beside(moved, lane_id(within["laneId"]))[1]
     return story_map.at(OnLane(moved.lane, moved.s, aside))
 
 

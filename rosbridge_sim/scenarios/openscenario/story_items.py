@@ -107,7 +107,7 @@ class StoryItemReader:
             catalogues: name -> name of an entry -> the entry.
             is_lenient: leave out what is refused, where the rest means something without it.
         """
-        self.findings = Findings.none()
+        self.findings = Findings()
         self.entities: frozenset[str] | None = None
         self._catalogues, self._is_lenient = catalogues, is_lenient
         self._num, self._depth = 0, 0

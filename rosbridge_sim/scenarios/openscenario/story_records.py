@@ -68,15 +68,10 @@ class Findings(Record, eq=False):
         notes: what is read in another way than it is written.
     """
 
-    mistakes: list[str]
-    refused: list[str]
-    idle: list[str]
-    notes: list[str]
-
-    @classmethod
-    def none(cls) -> Findings:
-        """Return findings without a line."""
-        return cls([], [], [], [])
+    mistakes: list[str] = field(default_factory=list)
+    refused: list[str] = field(default_factory=list)
+    idle: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
 
 class StoryText(Record):

@@ -17,8 +17,8 @@ The rules are those of ASAM OpenSCENARIO 1.3, section 8:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 from typing import Final, Protocol
@@ -50,13 +50,8 @@ class Transition(IntEnum):
     SKIP = 4
 
 
-STATE_WORDS: Final = {"standbyState": State.STANDBY, "runningState": State.RUNNING, "completeState": State.COMPLETE}
-CHANGE_WORDS: Final = {
-    "startTransition": Transition.START,
-    "endTransition": Transition.END,
-    "stopTransition": Transition.STOP,
-    "skipTransition": Transition.SKIP,
-}
+STATE_WORDS: Final = {f"{each.name.lower()}State": each for each in State}
+CHANGE_WORDS: Final = {f"{each.name.lower()}Transition": each for each in Transition}
 
 
 class BoardPart(Record, eq=False):
@@ -73,7 +68,7 @@ class BoardPart(Record, eq=False):
     name: str
     item: StoryItem
     parent: int
-    children: tuple[int, ...]
+    children: list[int]
     start: tuple[tuple[int, ...], ...] | None
     stop: tuple[tuple[int, ...], ...] | None
 
@@ -142,12 +137,6 @@ class StoryVerdict(Record):
     reason: str = ""
 
 
-@dataclass(slots=True)
-class _Table:
-    parts: list[BoardPart] = field(default_factory=list)
-    conditions: list[StoryItem] = field(default_factory=list)
-
-
 class Storyboard:
     """The machine of one story.
 
@@ -164,17 +153,33 @@ class Storyboard:
             frame_time: length of a frame [s].
             evaluation: MORAI's groups of conditions for a verdict; None for none.
         """
-        table = _Table()
-        _flatten(board, -1, table)
-        groups = () if evaluation is None else evaluation.parts
-        self._groups = [(group, _numbers(group, table)) for group in groups]
-        self.parts: Sequence[BoardPart] = table.parts
-        self.conditions: Sequence[StoryItem] = table.conditions
+        self.parts: list[BoardPart] = []
+        self.conditions: list[StoryItem] = []
+        self._add(board, -1)
+        self._groups = [(group, self._numbers(group)) for group in (() if evaluation is None else evaluation.parts)]
         self._frame_time = frame_time
         self._delay = [round(each.get("delay", 0.0) / frame_time) for each in self.conditions]
         self.find = cache(self._find)
         self._frame = self._since = 0
         self.state = self.fresh()
+
+    def _add(self, item: StoryItem, parent: int) -> int:
+        """Add an element and those within it; return its number."""
+        number = len(self.parts)
+        start, stop = (
+            None if trigger is None else tuple([self._numbers(group) for group in trigger.parts])
+            for trigger in map(item.find, ("StartTrigger", "StopTrigger"))
+        )
+        part = BoardPart(item.kind, item.get("name", ""), item, parent, [], start, stop)
+        self.parts.append(part)
+        part.children.extend(self._add(each, number) for each in item.parts if each.kind in KINDS)
+        return number
+
+    def _numbers(self, group: StoryItem) -> tuple[int, ...]:
+        """Add the conditions of a group; return their numbers."""
+        first = len(self.conditions)
+        self.conditions.extend(group.parts)
+        return tuple(range(first, len(self.conditions)))
 
     def fresh(self) -> BoardState:
         """Return the state at the start."""
@@ -399,27 +404,3 @@ def kind_of(condition: StoryItem) -> str:
     """Return the kind of a condition, such as SpeedCondition."""
     item = condition.part()
     return (item if item.kind == "ByValueCondition" else item.part("EntityCondition")).part().kind
-
-
-def _flatten(item: StoryItem, parent: int, table: _Table) -> int:
-    """Add an element and those within it to a table; return its number."""
-    number = len(table.parts)
-    triggers = [_groups(item.find(kind), table) for kind in ("StartTrigger", "StopTrigger")]
-    part = BoardPart(item.kind, item.get("name", ""), item, parent, (), *triggers)
-    table.parts.append(part)
-    children = tuple([_flatten(each, number, table) for each in item.parts if each.kind in KINDS])
-    table.parts[number] = BoardPart(part.kind, part.name, item, parent, children, *triggers)
-    return number
-
-
-def _groups(trigger: StoryItem | None, table: _Table) -> tuple[tuple[int, ...], ...] | None:
-    if trigger is None:
-        return None
-    return tuple([_numbers(group, table) for group in trigger.parts])
-
-
-def _numbers(group: StoryItem, table: _Table) -> tuple[int, ...]:
-    """Add the conditions of a group to a table; return their numbers."""
-    first = len(table.conditions)
-    table.conditions.extend(group.parts)
-    return tuple(range(first, len(table.conditions)))

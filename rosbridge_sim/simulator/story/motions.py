@@ -20,7 +20,7 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
-from rosbridge_sim.scenarios.openscenario.places import MapPlace
+from rosbridge_sim.scenarios.openscenario.places import MapPlace, lane_id
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, StoryActor
 from rosbridge_sim.simulator.story.stage import Stage
@@ -156,10 +156,22 @@ def _begin_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
 
 def _speed_goal(stage: Stage, item: StoryItem) -> float:
     target = item.part("SpeedActionTarget").part()
-    if target.kind == "AbsoluteTargetSpeed":
-        return _bounded(target["value"])
-    speed = stage.cast.find(target["entityRef"]).speed
-    return _bounded(speed * target["value"] if target["speedTargetValueType"] == "factor" else speed + target["value"])
+    return _goal_of(target, stage.cast.find(target["entityRef"]).speed if "entityRef" in target.values else 0.0)
+
+
+def _goal_of(target: StoryItem, reference: float) -> float:
+    """Return the speed that a target means: absolute, or relative to that of another entity [m/s]."""
+    value = target["value"]
+    kind = target.get("speedTargetValueType")
+    return _bounded({"factor": reference * value, "delta": reference + value}.get(kind, value))
+
+
+def _go_on(running: Running, shape: str) -> tuple[float, bool]:
+    """Return the figure that changes a step later, and whether its change is done."""
+    memo = running.numbers
+    memo["at"] += STORY_STEP
+    share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
+    return memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share), share >= 1.0
 
 
 def _bounded(speed: float) -> float:
@@ -167,15 +179,11 @@ def _bounded(speed: float) -> float:
 
 
 def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    memo, target = running.numbers, item.part("SpeedActionTarget").part()
-    is_continuous = target.get("continuous", False)
-    memo["at"] += STORY_STEP
+    is_continuous = item.part("SpeedActionTarget").part().get("continuous", False)
     if is_continuous:
-        memo["to"] = _speed_goal(stage, item)
-    share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
-    shape = item.part("SpeedActionDynamics")["dynamicsShape"]
-    actor.speed = memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share)
-    return share >= 1.0 and not is_continuous
+        running.numbers["to"] = _speed_goal(stage, item)
+    actor.speed, is_done = _go_on(running, item.part("SpeedActionDynamics")["dynamicsShape"])
+    return is_done and not is_continuous
 
 
 def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
@@ -253,13 +261,10 @@ def _limit(item: StoryItem, key: str, default: float = NO_LIMIT) -> float:
 def _begin_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Keep a distance to another entity; without limits the actor is there at once."""
     running.numbers = {"accel": 0.0}
-    if item.find("DynamicConstraints") is not None:
-        return False
-    _jump(stage, item, actor, running)
-    return not item["continuous"]
+    return item.find("DynamicConstraints") is None and _jump(stage, item, actor, running)
 
 
-def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> None:
+def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     reference = stage.cast.find(item["entityRef"])
     error = _gap_error(stage, item, running)
     moved, _ = stage.cast.map.move(actor.lane_place, actor.direction * error, actor.route)
@@ -267,6 +272,7 @@ def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) ->
         stage.cast.put(actor, stage.cast.map.at(moved))
     stage.cast.show(actor)
     actor.speed = reference.speed if item["continuous"] else actor.speed
+    return not item["continuous"]
 
 
 def _gap_error(stage: Stage, item: StoryItem, running: Running) -> float:
@@ -283,8 +289,7 @@ def _gap_error(stage: Stage, item: StoryItem, running: Running) -> float:
 
 def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     if item.find("DynamicConstraints") is None:
-        _jump(stage, item, actor, running)
-        return False
+        return _jump(stage, item, actor, running)
     reference = stage.cast.find(item["entityRef"])
     error = _gap_error(stage, item, running)
     spring = SPRING * min(_limit(item, "maxAcceleration", DEFAULT_ACCEL), MAX_PULL)
@@ -335,7 +340,7 @@ def _begin_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     target = item.part("LaneChangeTarget").part()
     story_map = stage.cast.map
     if target.kind == "AbsoluteTargetLane":
-        lane, aside = story_map.lane_beside(actor.lane_place, _number(target["value"]))
+        lane, aside = story_map.lane_beside(actor.lane_place, lane_id(target["value"]))
     else:
         reference = stage.cast.on_lane(target["entityRef"])
         steps = int(target["value"] * reference.direction)
@@ -349,27 +354,10 @@ def _begin_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     return _advance_change(stage, item, actor, running) if length <= 0.0 else False
 
 
-def _number(text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise DocumentError(f"value: expected the number of a lane, got {text[:40]!r}") from None
-
-
-def _shift(actor: StoryActor, running: Running, shape: str) -> bool:
-    """Go on with a change of the offset; return whether it is done."""
-    memo = running.numbers
-    memo["at"] += STORY_STEP
-    share = memo["at"] / memo["length"] if memo["length"] > 0.0 else 1.0
-    actor.offset = memo["from"] + (memo["to"] - memo["from"]) * shape_at(shape, share)
-    return share >= 1.0
-
-
 def _advance_change(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    if not _shift(actor, running, item.part("LaneChangeActionDynamics")["dynamicsShape"]):
-        return False
-    actor.is_changing_lane = running.numbers["lane"] >= 0.0
-    return True
+    actor.offset, is_done = _go_on(running, item.part("LaneChangeActionDynamics")["dynamicsShape"])
+    actor.is_changing_lane = is_done and running.numbers["lane"] >= 0.0
+    return is_done
 
 
 def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
@@ -387,7 +375,8 @@ def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
 
 
 def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    return _shift(actor, running, item.part("LaneOffsetActionDynamics")["dynamicsShape"]) and not item["continuous"]
+    actor.offset, is_done = _go_on(running, item.part("LaneOffsetActionDynamics")["dynamicsShape"])
+    return is_done and not item["continuous"]
 
 
 # Trajectories
@@ -454,13 +443,12 @@ def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, runni
 def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     """Take a route: its first waypoint is where it begins, or the actor's own place."""
     story_map = stage.cast.map
-    if item.kind == "AcquirePositionAction":
-        goals = [item.part("Position")]
-    else:
-        goals = [each.part("Position") for each in item.part("Route").all("Waypoint")]
-    places = [story_map.project(story_map.find_place(each, stage.cast.locate)) for each in goals]
-    if item.kind == "AcquirePositionAction":
-        places.insert(0, actor.lane_place)
+    own = [actor.lane_place] if item.kind == "AcquirePositionAction" else []
+    goals = [item] if own else item.part("Route").all("Waypoint")
+    places = [
+        *own,
+        *(story_map.project(story_map.find_place(each.part("Position"), stage.cast.locate)) for each in goals),
+    ]
     if len(places) > 1:
         actor.route = story_map.find_way(places[0], places[1:])
     return True
@@ -474,10 +462,9 @@ def _begin_teleport(stage: Stage, item: StoryItem, actor: StoryActor, _running: 
 
 def _begin_controller(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     """Hand an actor over to a driver of the world, or take it back; nothing that is overridden is driven here."""
-    parts = [item, *item.parts]
-    for part in parts:
-        on = [part.get(key) for key in ("lateral", "longitudinal", "activateLateral", "activateLongitudinal")]
-        wanted = [each for each in on if each is not None]
+    for part in (item, *item.parts):
+        keys = ("lateral", "longitudinal", "activateLateral", "activateLongitudinal")
+        wanted = [part[key] for key in keys if key in part.values]
         if wanted and all(wanted):
             stage.cast.hand_over(actor)
         elif wanted and actor.mode == DRIVER:
@@ -522,14 +509,14 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     time = masters / max(master.speed, 1e-6)
     is_near = way <= item.get("targetTolerance", 0.0) and masters <= item.get("targetToleranceMaster", 0.0)
     end = item.find("FinalSpeed")
-    final = actor.speed if end is None else _final(end.part(), master.speed)
+    final = actor.speed if end is None else _goal_of(end.part(), master.speed)
     if time <= STORY_STEP or way <= NEAR or is_near:
-        actor.speed = _bounded(final)
+        actor.speed = final
         return True
     steady = 0.0 if end is None or not end.part().parts else _steady_way(end.part().part(), final)
     way, time = way - steady, time - steady / max(final, 1e-6)
     if steady and (time <= STORY_STEP or way <= NEAR):
-        actor.speed = _bounded(final)
+        actor.speed = final
         return False
     if end is None:
         accel = 3.0 * (way - actor.speed * time) / (time * time)
@@ -538,12 +525,6 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     top = stage.cast.bodies[running.entity].top_speed or MAX_SPEED
     actor.speed = max(0.0, min(top, _bounded(actor.speed + accel * STORY_STEP)))
     return False
-
-
-def _final(item: StoryItem, master: float) -> float:
-    if item.kind == "AbsoluteSpeed":
-        return float(item["value"])
-    return float(master * item["value"] if item["speedTargetValueType"] == "factor" else master + item["value"])
 
 
 def _steady_way(item: StoryItem, final: float) -> float:
