@@ -36,7 +36,6 @@ from scripts.bench.reference import reference_line
 from rosbridge_sim.records import replace
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.drivers.lane_position import keep_lane
-from rosbridge_sim.world.followers.lane_following import DECISION
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -49,6 +48,7 @@ CAR = Body()
 CARS_IN_TOWN = 250  # one on 49 m of lanes: busy, not jammed
 TOWN_SIZE = 700.0  # from one copy to the next [m]
 APART = 100.0  # between egos that drive in circles of at most 27 m of radius [m]
+_SECOND = round(1.0 / DT)  # in frames
 TARGET_SECONDS = 0.004  # of one turn of a case: long for the clock, short for the noise
 
 
@@ -209,7 +209,7 @@ def stepper(world: World) -> tuple[Callable[[], None], int]:
     """Return a function that steps a world, and its number of steps.
 
     Args:
-        world: with drivers, the function steps from one decision of a driver to the next.
+        world: with drivers, the function steps for a second, in which each of them looks at the lanes beside it.
 
     Returns:
         The function and the number.
@@ -217,11 +217,11 @@ def stepper(world: World) -> tuple[Callable[[], None], int]:
     if not world.has_lane.any():
         return lambda: step(world), 1
 
-    def to_next_decision() -> None:
-        for _ in range(DECISION):
+    def for_a_second() -> None:
+        for _ in range(_SECOND):
             step(world)
 
-    return to_next_decision, DECISION
+    return for_a_second, _SECOND
 
 
 def measure(cases: dict[str, tuple[Callable[[], None], int]], rounds: int) -> dict[str, FloatArray]:

@@ -117,6 +117,12 @@ class _Option:
 
 _OPTION_COLUMNS: Final = tuple(_Option.__dataclass_fields__)
 
+_LOOK_COLUMNS: Final = (
+    *("_which", "_lanes", "_arc", "_speed", "_shift_time", "_nose", "_rear", "_length", "_gap", "_lead_speed"),
+    *("_run", "_to_entry", "_is_blocked", "_is_inside", "_is_free"),
+)
+"""Attributes of `LaneLook` that have an entry for each driver."""
+
 
 class LaneLook:
     """One look of some drivers at the lanes beside them, and what they decide."""
@@ -146,40 +152,59 @@ class LaneLook:
         self._run = self._find_run(self._lanes, self._arc)
         conflicts = self._conflicts
         self._to_entry = self._find_entry(np.fmin(conflicts.wait_point, conflicts.joins.narrow_from))
-        # Nobody changes lanes on the stretch before a join, but around what stands there one may leave it.
         reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
-        is_before_join = conflicts.joins.join[self._lanes[0]] >= 0
-        blocked = ((self._gap < reach) & (self._lead_speed < STANDS) & is_before_join).nonzero()[0]
-        if len(blocked):
-            self._to_entry[blocked] = self._find_entry(conflicts.wait_point)[blocked]
+        is_near = (self._gap < reach) & (self._lead_speed < STANDS)
+        self._is_blocked = np.zeros(len(which), dtype=bool)
+        if np.count_nonzero(is_near):
+            # Nobody changes lanes on the stretch before a join, but around what stands there one may leave it.
+            before_join = (is_near & (conflicts.joins.join[self._lanes[0]] >= 0)).nonzero()[0]
+            if len(before_join):
+                self._to_entry[before_join] = self._find_entry(conflicts.wait_point)[before_join]
+            at = (is_near & (self._to_entry > self._gap + LIGHT_QUEUE)).nonzero()[0]
+            if len(at):
+                self._is_blocked[at] = self._find_blocked(at)
+        self._is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
+        is_far = self._to_entry > ENTRY_WAY + (SIGNAL_FRAMES * DT + self._shift_time) * self._speed
+        self._is_free = is_far & ~self._is_inside
+
+    def _narrow(self) -> None:
+        """Leave out those who can do nothing: near an entry, without a reason to change and without a signal."""
+        world, rows = self._world, self._rows[self._which]
+        counts = self._is_free | self._is_blocked | (self._run < np.inf)
+        counts |= (world.change[rows] | world.signal[rows]) != 0
+        at = counts.nonzero()[0]
+        if len(at) < len(rows):
+            for name in _LOOK_COLUMNS:
+                setattr(self, name, getattr(self, name)[..., at])
 
     def decide(self, accel: FloatArray, decision: int | IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Choose who signals and who begins to change.
 
         Args:
             accel: (n,) of all drivers, written: for gaps that open [m/s^2].
-            decision: number of the decision, one for all or (k,).
+            decision: number of the decision, one for all or (n,).
 
         Returns:
             Those that begin, (m,) int64; (m,) int64, to which side; and (m,) bool, whether they pull out from rest.
         """
-        drivers, which, neighbours = self._drivers, self._which, self._neighbours
+        self._narrow()
+        which, is_inside = self._which, self._is_inside
+        if not len(which):
+            return which, which, which > 0
         world, rows = self._world, self._rows[which]
-        num, frame = len(which), world.frames(rows)
+        num, frame, turn = len(which), world.frames(rows), decision if isinstance(decision, int) else decision[which]
         both = self._look_aside()
         options = [both.at(slice(i * num, (i + 1) * num)) for i in range(NUM_SIDES)]
         now, since, signal = world.change[rows], world.change_since[rows], world.signal[rows]
         reason, side = self._find_must(options)
         must = reason > 0
-        is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
         # Changes of choice
-        bias = KEEP_RIGHT_BIAS * neighbours.keeps_right[self._lanes[0]]
-        is_far = self._to_entry > ENTRY_WAY + (SIGNAL_FRAMES * DT + self._shift_time) * self._speed
+        bias = KEEP_RIGHT_BIAS * self._neighbours.keeps_right[self._lanes[0]]
         advantages = []
         for i, option in enumerate(options):
             advantage = option.advantage + (bias if i == RIGHT else -bias)
             goes_on = (option.run > WAY_ON + MUST_TIME * self._speed) | (option.run >= self._run)
-            is_open = option.is_there & goes_on & is_far & ~is_inside
+            is_open = option.is_there & goes_on & self._is_free
             advantages.append(np.where(is_open, advantage, -np.inf))
         best = np.where(advantages[RIGHT] > advantages[0], RIGHT, 0)
         index = np.arange(num)
@@ -210,7 +235,7 @@ class LaneLook:
         if len(at := ((reason > 0) & ~is_inside).nonzero()[0]):
             is_clear[at] = self._is_clear(at, side[at], is_tight[at])
         may = chosen.is_there & chosen.is_safe & is_clear & is_slow
-        begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & may & (side == decision % NUM_SIDES)
+        begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & may & (side == turn % NUM_SIDES)
         must_wait = (reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside
         if np.count_nonzero(must_wait):
             self._open_gaps(index[must_wait], chosen, is_clear, accel)
@@ -306,7 +331,7 @@ class LaneLook:
             at = ends[is_near]
             reason[at] = np.where(is_route[is_near], LaneChange.ROUTE, LaneChange.LANE_END)
             side[at] = to_side[is_near] - 1
-        around = ((reason == 0) & self._is_blocked()).nonzero()[0]
+        around = ((reason == 0) & self._is_blocked).nonzero()[0]
         if len(around):
             values = []
             for option in options:
@@ -321,16 +346,10 @@ class LaneLook:
             side[around] = np.where(values[1] > values[0], 1, 0)
         return reason, side
 
-    def _is_blocked(self) -> BoolArray:
-        """Return (k,) whether something stands ahead that waits for nothing."""
+    def _find_blocked(self, at: IntArray) -> BoolArray:
+        """Return whether what stands ahead of some drivers, (m,) int64, waits for nothing, (m,)."""
         drivers, queue = self._drivers, self._queue
         perception, world = self._perception, self._world
-        reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
-        is_near = (self._gap < reach) & (self._lead_speed < STANDS) & (self._to_entry > self._gap + LIGHT_QUEUE)
-        at = is_near.nonzero()[0]
-        blocked = np.zeros(len(self._which), dtype=bool)
-        if not len(at):
-            return blocked
         lead = perception.lead[self._which[at]]
         rows = self._rows[lead]
         is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0)
@@ -344,8 +363,7 @@ class LaneLook:
         is_queue &= queue.tail[following] < queue.s[position] + QUEUE_GAP + drivers.nose[self._which[at]]
         is_queue &= queue.lane[position] == self._lanes[0, at]
         is_queue &= queue.source[following] >= 0
-        blocked[at] = is_parked & ~is_queue
-        return blocked
+        return np.asarray(is_parked & ~is_queue)
 
     def _open_gaps(self, at: IntArray, chosen: _Option, is_clear: BoolArray, accel: FloatArray) -> None:
         """Have followers open gaps for those that must change, and these adapt to the lead vehicles there."""
@@ -512,11 +530,13 @@ class LaneLook:
 
     def _find_run(self, lanes: IntArray, s: FloatArray) -> FloatArray:
         """Return how far the lanes ahead go on from places, inf where no end is known, (m,) [m]."""
-        length = self._roads.length
-        run = -s
-        for lane in lanes:
-            run = run + np.where(lane >= 0, length[lane], 0.0)
-        return np.asarray(np.where(lanes[-1] >= 0, np.inf, run))
+        run = np.full(len(s), np.inf)
+        ends = (lanes[-1] < 0).nonzero()[0]
+        if len(ends):
+            length = np.where(lanes[:, ends] >= 0, self._roads.length[lanes[:, ends]], 0.0)
+            length[0] -= s[ends]
+            run[ends] = np.add.accumulate(length)[-1]
+        return run
 
     def _find_entry(self, begins: FloatArray) -> FloatArray:
         """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m].
@@ -527,16 +547,13 @@ class LaneLook:
             begins: (l,) arc length at which lanes conflict, inf for none [m].
         """
         roads, conflicts = self._roads, self._conflicts
-        light = self._world.signals.plan.light_of_lane
-        bumper = self._arc + self._nose
-        wait_point = begins[self._lanes[0]]
+        own, ahead = self._lanes[0], self._lanes[1:]
+        bumper, has_light = self._arc + self._nose, self._world.signals.plan.light_of_lane[ahead] >= 0
         # A vehicle whose tail is still where the own lane forks is inside.
-        is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]
-        to_entry = np.where(is_inside, 0.0, wait_point - bumper)
-        distance = roads.length[self._lanes[0]] - bumper
-        for lane in self._lanes[1:]:
-            is_entry = (lane >= 0) & (np.isfinite(begins[lane]) | (light[lane] >= 0))
-            there = distance + np.where(light[lane] >= 0, 0.0, begins[lane])
-            to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
-            distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
-        return np.asarray(to_entry)
+        is_inside = self._arc - self._rear < conflicts.shared[own]
+        to_entry = np.where(is_inside, 0.0, begins[own] - bumper)
+        distance = roads.length[self._lanes[:-1]]
+        distance[0] -= bumper
+        # Lanes beyond a dead end are not there.
+        there = np.add.accumulate(distance) + np.where(has_light, 0.0, begins[ahead])
+        return np.fmin(to_entry, np.minimum.reduce(np.where(ahead >= 0, there, np.inf)))

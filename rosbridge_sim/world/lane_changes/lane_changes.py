@@ -163,7 +163,7 @@ class LaneChanges:
         which = (looks & self._may & (leaving == 0)).nonzero()[0]
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
-            begins = look.decide(accel, decision if isinstance(decision, int) else decision[which])
+            begins = look.decide(accel, decision)
             if len(begins[0]):
                 self._start(drivers, *begins)
         return accel
