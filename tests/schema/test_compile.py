@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import subprocess
 import sys
@@ -37,6 +38,17 @@ def test_numpy_values_are_encoded() -> None:
     assert t.encode_json(value) == expected
     with pytest.raises(TypeError, match="no value of a field"):
         t.encode_json(t.struct_type(f=object()))
+
+
+@pytest.mark.parametrize("size", [0, 1, 2047, 2048, 2049, 2050, 100_000])
+def test_bytes_of_any_length_are_written_as_base64(size: int) -> None:
+    t = make("uint8[] a\nstring s\nuint8[] b")
+    content = bytes(i * 7 % 256 for i in range(size))
+    value = t.struct_type(a=content, s="x", b=b"b")
+    text = t.encode_json(value)
+    assert json.loads(text) == {"a": base64.b64encode(content).decode(), "s": "x", "b": "Yg=="}
+    assert b"".join(t.encode_json_parts(value)) == text
+    assert value == t.struct_type(a=content, s="x", b=b"b"), "it stays as it was"
 
 
 # Fast against slow
