@@ -332,6 +332,7 @@ class Call(msgspec.Struct, eq=False):
         deadline: when it is given up [s], or None.
         is_done: answered, refused or given up; later answers are ignored.
         num_bytes: memory that its caller's account pays for it [bytes].
+        on_end: called at its end, however it ends; set by its provider.
     """
 
     service: Service
@@ -342,6 +343,7 @@ class Call(msgspec.Struct, eq=False):
     deadline: float | None = None
     is_done: bool = False
     num_bytes: int = 0
+    on_end: Callable[[], object] | None = None
 
     def answer(self, values: object) -> None:
         """End the call with a response.
@@ -397,5 +399,8 @@ class Call(msgspec.Struct, eq=False):
         self.request = None
         self.service.calls.pop(self, None)
         self.table.forget_call(self)
+        if self.on_end is not None:
+            self.on_end()
+            self.on_end = None
         if answer is not None:
             self.table.hand_over(self, answer)

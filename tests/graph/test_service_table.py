@@ -104,6 +104,23 @@ def test_call_ends_at_its_deadline() -> None:
     assert len(caller.answers) == 1
 
 
+def test_a_provider_hears_of_the_end_of_a_call_once_however_it_ends() -> None:
+    bus, provider, caller, leaving = make_bus(), Somebody(), Somebody(), Somebody()
+    bus.provide(provider, "/add", ADD, provider.hold)
+    for one, timeout in ((caller, 2.0), (caller, 9.0), (leaving, 9.0), (caller, 9.0)):
+        bus.call(one, "/add", {}, one.answers.append, now=0.0, timeout=timeout)
+    ends: list[int] = []
+    for i, call in enumerate(provider.calls):
+        call.on_end = lambda i=i: ends.append(i)
+    bus.expire(2.0)
+    provider.calls[1].refuse("no")
+    provider.calls[1].refuse("no, again")
+    bus.leave(leaving, 3.0)
+    assert ends == [0, 1, 2], "given up, refused, and the caller has left"
+    bus.withdraw(provider, "/add")
+    assert ends == [0, 1, 2, 3]
+
+
 def test_default_time_out_holds_for_a_call_without_one() -> None:
     bus = Bus(make_store(), service_timeout=5.0)
     provider, caller = Somebody(), Somebody()

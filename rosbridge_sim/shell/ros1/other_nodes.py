@@ -22,7 +22,7 @@ from rosbridge_sim.graph.ros1.ros1_graph import type_of
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.service_links import FarServices, probe
-from rosbridge_sim.shell.ros1.topic_links import LOST
+from rosbridge_sim.shell.ros1.topic_links import LOST, why_lost
 from rosbridge_sim.shell.ros1.topic_readers import TopicReaders
 from rosbridge_sim.shell.ros1.xmlrpc_http import UnreachableError, call
 
@@ -143,7 +143,8 @@ class OtherNodes:
         try:
             await self._readers.learn(one.node, one.topic, one.type_name)
         except LOST as error:
-            self._log.tell(f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {error}")
+            text = f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {why_lost(error)}"
+            self._log.tell(text)
         else:
             self._tell_publishers()
 
@@ -173,7 +174,7 @@ class OtherNodes:
         try:
             header = await probe(self._choices, there)
         except LOST as error:
-            text = f"service {there} of {node} cannot be asked for its type: {error or 'no answer'}"
+            text = f"service {there} of {node} cannot be asked for its type: {why_lost(error)}"
             self._log.tell(text, logging.INFO)
             return
         if type_of(header.get("type", "")) is not None and one in self._types_of:

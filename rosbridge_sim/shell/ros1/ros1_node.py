@@ -70,7 +70,7 @@ class Ros1Node:
         self._stamps = stamps
         self._loop = asyncio.get_running_loop()
         self._log = log = OnceLog(_log.name)
-        self._far_services = far = FarServices(bus, choices)
+        self._far_services = far = FarServices(choices)
         self.services = services = NodeServices(ROS1_GRAPH, bus, types.find_service, policy, far.call)
         self.gateway: Gateway[Ros1Type] = Gateway(ROS1_GRAPH, bus, types.find, self, policy, topics=topics)
         self._readers = readers = TopicReaders(choices, types, log, self._receive)

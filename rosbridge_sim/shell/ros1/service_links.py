@@ -7,14 +7,12 @@ from collections.abc import Callable
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import OnReply
-from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
 from rosbridge_sim.graph.ros1.tcpros import with_length
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
-from rosbridge_sim.shell.ros1.topic_links import LOST, open_stream, read_body
+from rosbridge_sim.shell.ros1.topic_links import LOST, open_stream, read_body, why_lost
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, send
 
 MAX_IDLE: Final = 4
@@ -70,19 +68,19 @@ async def serve_calls(
 class FarServices:
     """Calls of services that nodes provide, over connections that are kept; see `FarCall`."""
 
-    def __init__(self, bus: Bus, choices: Ros1Choices) -> None:
-        """Make no connection yet; the calls of a participant that leaves the bus end."""
+    def __init__(self, choices: Ros1Choices) -> None:
+        """Make no connection yet."""
         self._choices = choices
         self._idle: dict[str, list[tuple[asyncio.StreamReader, asyncio.StreamWriter]]] = {}
-        self._running: dict[asyncio.Task[None], Call] = {}
+        self._running: set[asyncio.Task[None]] = set()
         self._turns: dict[str, asyncio.Semaphore] = {}
-        bus.on_leave.append(self._note_leaving)
 
     def call(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
         """See `FarCall`."""
-        task = asyncio.get_running_loop().create_task(self._run(name, service, request, call, on_reply))
-        self._running[task] = call
-        task.add_done_callback(lambda done: self._running.pop(done, None))
+        task = asyncio.get_running_loop().create_task(self._run(name, service, request, on_reply))
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+        call.on_end = task.cancel  # no one waits for the answer any more
 
     def forget(self, name: str) -> None:
         """Close the idle connections of a service, because it has ended or moved."""
@@ -97,24 +95,12 @@ class FarServices:
         for name in list(self._idle):
             self.forget(name)
 
-    def _note_leaving(self, _owner: Participant, _now: float) -> None:
-        """Stop to wait for the answers that nobody wants any more."""
-        for task, call in list(self._running.items()):
-            if call.is_done:
-                task.cancel()
-
-    async def _run(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
+    async def _run(self, name: str, service: Ros1Service, request: bytes, on_reply: OnReply) -> None:
         try:
-            # The deadline of the call is set by now, after `handle` has returned.
-            turns = self._turns.setdefault(name, asyncio.Semaphore(MAX_CALLS))
-            async with asyncio.timeout_at(call.deadline), turns:
+            async with self._turns.setdefault(name, asyncio.Semaphore(MAX_CALLS)):
                 reply = await self._ask(name, service, request)
-        except TimeoutError:
-            if call.deadline is not None and asyncio.get_running_loop().time() >= call.deadline:
-                return  # the bus gives it up itself
-            reply = False, f"Service {name}: no answer came in time".encode()
         except LOST as error:
-            reply = False, f"Service {name} of ROS 1 was lost: {error}".encode()
+            reply = False, f"Service {name} of ROS 1 was lost: {why_lost(error)}".encode()
         on_reply(*reply)
 
     async def _ask(self, name: str, service: Ros1Service, request: bytes) -> tuple[bool, bytes]:

@@ -38,6 +38,11 @@ LOST: Final = (OSError, asyncio.IncompleteReadError, UnicodeError, GraphError)
 """Errors of a connection that cannot be made, has ended, or whose other side speaks something else."""
 
 
+def why_lost(error: Exception) -> str:
+    """Return the text for one of them: a time-out has none."""
+    return str(error) or "no answer came in time"
+
+
 async def open_stream(
     host: str, port: int, fields: Mapping[str, str]
 ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter, dict[str, str]]:

@@ -13,7 +13,7 @@ from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import MessageCutter
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
-from rosbridge_sim.shell.ros1.topic_links import LOST, misfit, open_stream, receive
+from rosbridge_sim.shell.ros1.topic_links import LOST, misfit, open_stream, receive, why_lost
 from rosbridge_sim.shell.ros1.xmlrpc_http import call
 
 MAX_PUBLISHERS: Final = 100
@@ -105,7 +105,7 @@ class TopicReaders:
                 await self._take_messages(topic, own, uri)
                 pause = FIRST_WAIT
             except LOST as error:
-                self._log.tell(f"{topic}: a publisher cannot be heard: {error or 'no answer came in time'}")
+                self._log.tell(f"{topic}: a publisher cannot be heard: {why_lost(error)}")
                 pause = min(2 * pause, LONGEST_WAIT)
             await asyncio.sleep(pause)
 

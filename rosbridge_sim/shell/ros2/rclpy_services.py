@@ -33,9 +33,6 @@ ANSWER_PERIOD: Final = 0.005
 QUEUE_PATIENCE: Final = 1.0
 """Longest wait of a request for that [s], since a provider may also take many and answer late."""
 
-SWEEP_PERIOD: Final = 1.0
-"""Time between two looks for calls that have ended without an answer [s]."""
-
 CALLS: Final = Quality(depth=1_000)
 """Of requests and answers: ROS 2's own depth of 10 loses some of 20 calls at once."""
 
@@ -53,9 +50,7 @@ class RclpyServices:
         self._loop = loop
         self._offered: dict[str, tuple[CdrServiceType, RclpyObject]] = {}
         self._clients: dict[str, RclpyObject] = {}
-        self._calls: dict[Call, tuple[RclpyObject, RclpyObject]] = {}
         self._num_sent: Counter[RclpyObject] = Counter()  # requests without an answer yet, by client of rclpy
-        self._is_sweeping = False
         self._log = OnceLog(ROS2_GRAPH.logger)
 
     # Services of nodes; see `FarCall`
@@ -66,10 +61,6 @@ class RclpyServices:
         with rclpy_errors():
             client = self._client(name, found)
             message = read_cdr(request, found.Request)
-        self._calls[call] = client, None
-        if not self._is_sweeping:
-            self._is_sweeping = True
-            self._loop.call_later(SWEEP_PERIOD, self._forget_ended_calls)
         self._send(client, message, call, on_reply, self._loop.time() + QUEUE_PATIENCE)
 
     def keep_clients(self, names: set[str]) -> None:
@@ -91,7 +82,6 @@ class RclpyServices:
             hurry_at: when it is sent though others wait for their answers [s].
         """
         if call.is_done or self._node.is_stopped:
-            self._calls.pop(call, None)
             return
         try:
             has_room = self._num_sent[client] < MAX_SENT or self._loop.time() >= hurry_at
@@ -100,43 +90,27 @@ class RclpyServices:
                 return
             future = client.call_async(message)
         except Exception as error:  # noqa: BLE001 - of the library; its client has gone with the service, for example
-            self._calls.pop(call, None)
             on_reply(False, f"the service cannot be called: {error!r:.200}".encode())  # noqa: FBT003 - see `OnReply`
             return
-        self._calls[call] = client, future
         self._num_sent[client] += 1
-        future.add_done_callback(partial(self._hand_reply, call, on_reply))
+        call.on_end = partial(self._forget, client, future)
+        future.add_done_callback(partial(self._hand_reply, on_reply))
 
-    def _hand_reply(self, call: Call, on_reply: OnReply, future: RclpyObject) -> None:
+    def _hand_reply(self, on_reply: OnReply, future: RclpyObject) -> None:
         """Hand an answer to the loop (in the thread that spins)."""
         if future.cancelled():
             return
         error = future.exception()
         body = f"{error!r:.300}".encode() if error is not None else write_cdr(future.result())
+        self._node.inbox.put(lambda: on_reply(error is None, body), len(body))
 
-        def reply() -> None:
-            if call in self._calls:
-                self._forget_call(call)
-            on_reply(error is None, body)
-
-        self._node.inbox.put(reply, len(body))
-
-    def _forget_ended_calls(self) -> None:
-        """Forget calls that have ended without an answer of their provider, such as by a time-out."""
-        for call in [call for call in self._calls if call.is_done]:
-            self._forget_call(call)
-        self._is_sweeping = bool(self._calls) and not self._node.is_stopped
-        if self._is_sweeping:
-            self._loop.call_later(SWEEP_PERIOD, self._forget_ended_calls)
-
-    def _forget_call(self, call: Call) -> None:
-        client, future = self._calls.pop(call)
-        if future is not None:
-            self._num_sent[client] -= 1
-            if not self._num_sent[client]:
-                del self._num_sent[client]
-            if not future.done():
-                client.remove_pending_request(future)
+    def _forget(self, client: RclpyObject, future: RclpyObject) -> None:
+        """Forget a call that has ended, perhaps without an answer of its provider, such as by a time-out."""
+        self._num_sent[client] -= 1
+        if not self._num_sent[client]:
+            del self._num_sent[client]
+        if not future.done():
+            client.remove_pending_request(future)
 
     # Services of the bus
 

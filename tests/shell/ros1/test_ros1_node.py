@@ -239,6 +239,18 @@ async def test_clients_call_services_of_nodes(joined: Joined) -> None:
     await until(lambda: "/move" not in services)
 
 
+async def test_a_node_that_says_nothing_is_lost_for_a_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(topic_links, "HEADER_TIMEOUT", 0.02)
+    ends: list[asyncio.StreamWriter] = []
+    async with await asyncio.start_server(lambda _reader, writer: ends.append(writer), "127.0.0.1", 0) as server:
+        port = server.sockets[0].getsockname()[1]
+        with pytest.raises(topic_links.LOST) as lost:
+            await topic_links.open_stream("localhost", port, {})
+        for one in ends:
+            one.close()
+    assert topic_links.why_lost(lost.value) == "no answer came in time"
+
+
 # The world
 
 
