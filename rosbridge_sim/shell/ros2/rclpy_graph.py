@@ -18,15 +18,15 @@ from rosbridge_sim.shell.ros2.rclpy_types import RclpyObject
 from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME
 
 LOOKS_PER_ROUND: Final = 50
-"""In so many looks the endpoints of all topics are read again, at least those of one in each: an endpoint that replaces
-another one is found so. Reading those of a topic takes a quarter of a millisecond."""
+"""In so many looks the endpoints of all topics are read again: an endpoint that replaces another one is found so.
+Reading those of a topic takes a quarter of a millisecond."""
 
 MAX_FOUND: Final = 20_000
 """Most topics, and most services, of the graph that are looked at."""
 
 
 class GraphView:
-    """The graph as the thread that spins has seen it last.
+    """The graph as it was seen last.
 
     Attributes:
         own: first 12 bytes of the identities of endpoints that are no other program's.
@@ -39,6 +39,7 @@ class GraphView:
         self._shapes: dict[str, tuple[int, int, tuple[str, ...]]] = {}
         self._endpoints: dict[str, dict[str, Endpoint]] = {}  # topic on the graph -> key -> endpoint
         self._next: deque[str] = deque()
+        self._num_due = 0.0  # topics of `_next` that are to be read again
         self._services: object = None
 
     def _own_program(self) -> bytes:
@@ -55,14 +56,16 @@ class GraphView:
         """Return the endpoints of other programs that have come or changed, and those that have gone."""
         library = self._library
         shapes: dict[str, tuple[int, int, tuple[str, ...]]] = {}
+        count_writers, count_readers = library.handle.get_count_publishers, library.handle.get_count_subscribers
         for far, kinds in library.get_topic_names_and_types():
             if far.startswith(self._namespace) and HIDDEN not in far and len(shapes) < MAX_FOUND:
-                shapes[far] = library.count_publishers(far), library.count_subscribers(far), tuple(kinds)
+                shapes[far] = count_writers(far), count_readers(far), tuple(kinds)
         changed = {far for far, shape in shapes.items() if self._shapes.get(far) != shape}
         changed |= self._shapes.keys() - shapes.keys()
-        for _ in range(-(-len(shapes) // LOOKS_PER_ROUND)):
-            if not self._next:
-                self._next.extend(shapes)
+        self._num_due += len(shapes) / LOOKS_PER_ROUND
+        while self._num_due >= 1:
+            self._num_due -= 1
+            self._next.extend(() if self._next else shapes)
             changed.add(self._next.popleft())
         self._shapes = shapes
         found: list[Endpoint] = []
@@ -97,7 +100,8 @@ class GraphView:
         library = self._library
         nodes = library.get_node_names_and_namespaces()
         # The names are those of clients, too, such as our own: the numbers tell whether a provider is there.
-        services = [(*one, library.count_services(one[0])) for one in library.get_service_names_and_types()]
+        count = library.handle.get_count_services
+        services = [(*one, count(one[0])) for one in library.get_service_names_and_types()]
         state = sorted(nodes), services
         if state == self._services:
             return None

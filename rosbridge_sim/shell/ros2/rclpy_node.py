@@ -1,8 +1,8 @@
 """Our node on the graph of ROS 2 by rclpy, ROS 2's own client library; nothing else imports it.
 
-One thread spins. It hands messages, requests and changes of the graph to the event loop through an `Inbox`, as bytes in
-CDR. The loop publishes, calls and answers by itself, because these functions do not wait.
-rclpy tells of no changes of the graph, so the thread compares it with what it was, ten times a second.
+One thread spins, and one takes messages and looks at the graph (`rclpy_readers.py`). They hand messages, requests and
+changes of the graph to the event loop through an `Inbox`, as bytes in CDR. The loop publishes, calls and answers by
+itself, because these functions do not wait.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError
@@ -27,14 +26,9 @@ from rosbridge_sim.graph.ros2.cdr_types import CdrType
 from rosbridge_sim.shell.ros2.inbox import Inbox
 from rosbridge_sim.shell.ros2.loopback import close_to_network
 from rosbridge_sim.shell.ros2.rclpy_graph import GraphView
-from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, RclpyObject, rclpy_errors, rclpy_quality
+from rosbridge_sim.shell.ros2.rclpy_readers import PERIOD, RclpyReaders
+from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, RclpyObject, no_events, rclpy_errors, rclpy_quality
 from rosbridge_sim.shell.ros2.ros2_node import NODE_NAME, Ros2Choices, Taker
-
-PERIOD: Final = 0.1
-"""Least time between two looks at the graph [s]."""
-
-LOOK_SHARE: Final = 20
-"""A look at the graph is followed by at least this many times its duration without one."""
 
 MAX_ECHOES: Final = 1_000
 """Messages of a topic that are remembered as our own: more than a subscription keeps."""
@@ -126,7 +120,7 @@ class RclpyNode:
         if choices.discovery == "localhost":
             close_to_network(choices.domain)
         self._writers: dict[str, RclpyObject] = {}
-        self._readers: dict[str, RclpyObject] = {}
+        self._readers = RclpyReaders(self.library, self._hand, self._look)
         self._wanted: dict[str, tuple[RclpyObject, Quality]] = {}  # readers
         self._foreign: dict[str, int] = {}  # topic -> number of publishers of other programs
         self._echoes: dict[str, deque[tuple[int, int, int]]] = {}
@@ -137,7 +131,6 @@ class RclpyNode:
         self._executor.add_node(self.library)
         self._work: deque[Callable[[], object]] = deque()
         self._is_at_work = False
-        self._turned_at = 0.0
         sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_INTERVAL))
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
 
@@ -157,7 +150,7 @@ class RclpyNode:
     def start(self) -> None:
         """Let messages come from now on."""
         self._thread.start()
-        self._keep_turning()
+        self._readers.start()
 
     def stop(self) -> None:
         """Leave the domain. A second call does nothing."""
@@ -165,6 +158,7 @@ class RclpyNode:
             return
         self.is_stopped = True
         self.inbox.stop()
+        self._readers.stop()
         self._executor.create_task(self._do_work)
         if self._thread.is_alive():
             self._thread.join(timeout=1.0)  # `stop` of a server takes two seconds at most
@@ -174,27 +168,14 @@ class RclpyNode:
             self._context.try_shutdown()
 
     def _spin(self) -> None:
-        next_look = 0.0
         while not self.is_stopped:
             try:
                 self._executor.spin_once()  # a time-out would be a timer of the library, made anew each time
-                start = self._turned_at = time.monotonic()
-                if start >= next_look:
-                    self._look()
-                    now = time.monotonic()
-                    next_look = now + max(PERIOD, LOOK_SHARE * (now - start))
             except Exception as error:  # noqa: BLE001 - a library, and what it calls: one error must not end all
                 if self.is_stopped or not self._context.ok():
                     return
                 _log.error("internal error of rclpy", exc_info=error)
                 time.sleep(PERIOD)
-
-    def _keep_turning(self) -> None:
-        """Have the thread look at the graph though nothing comes (for the loop)."""
-        if not self.is_stopped:
-            if time.monotonic() - self._turned_at >= PERIOD:
-                self.run(lambda: None)
-            self._loop.call_later(PERIOD, self._keep_turning)
 
     def _do_work(self) -> None:
         """Do what others have left for the thread that spins."""
@@ -217,7 +198,7 @@ class RclpyNode:
         del is_sole
         with rclpy_errors():
             self._writers[topic] = self.library.create_publisher(
-                found, self.far(topic), rclpy_quality(quality), event_callbacks=_no_events(is_writer=True)
+                found, self.far(topic), rclpy_quality(quality), event_callbacks=no_events(is_writer=True)
             )
         self._match_reader(topic)
 
@@ -263,41 +244,33 @@ class RclpyNode:
         """
         wanted = self._wanted.get(topic)
         is_needed = wanted is not None and (topic not in self._writers or self._foreign.get(topic, 0) > 0)
-        reader = self._readers.get(topic)
-        if reader is not None and not is_needed:
-            self.destroy(self.library.destroy_subscription, self._readers.pop(topic))
-        elif reader is None and is_needed and wanted is not None:
-            found, quality = wanted
-            with rclpy_errors():
-                self._readers[topic] = self.library.create_subscription(
-                    found,
-                    self.far(topic),
-                    partial(_hand_message, self, topic),
-                    rclpy_quality(quality),
-                    event_callbacks=_no_events(is_writer=False),
-                    raw=True,
-                )
+        far = self.far(topic)
+        if far in self._readers and not is_needed:
+            self.destroy(self.library.destroy_subscription, self._readers.close(far))
+        elif far not in self._readers and is_needed and wanted is not None:
+            self._readers.open(far, *wanted)
 
-    def hand(self, topic: str, raw: bytes, stamp_ns: int) -> None:
-        """Hand a message to the loop (for the thread that spins)."""
-        self.inbox.put(lambda: self._receive(topic, raw, stamp_ns), len(raw))
+    def _hand(self, far: str, raw: bytes, stamp_ns: int) -> None:
+        """Hand a message to the loop (in the thread that takes messages)."""
+        self.inbox.put(lambda: self._receive(far.removeprefix(self._namespace), raw, stamp_ns), len(raw))
 
     def _receive(self, topic: str, raw: bytes, stamp_ns: int) -> None:
         """Give a message to the gateway, unless it is our own."""
         echoes = self._echoes.get(topic)
         if echoes and any(start <= stamp_ns <= end and hash(raw) == key for start, end, key in echoes):
             return
-        if self.gateway is not None and topic in self._readers:
+        if self.gateway is not None and self.far(topic) in self._readers:
             self.gateway.receive(topic, raw, self._loop.time())
 
     # The graph
 
     def _look(self) -> None:
-        """Compare the graph with what it was, and hand the changes to the loop (in the thread that spins)."""
-        found, lost = self._view.look_at_topics()
+        """Compare the graph with what it was, and hand the changes to the loop (in the thread that takes messages)."""
+        with self.library.handle:  # so that the node does not end meanwhile
+            found, lost = self._view.look_at_topics()
+            offers = self._view.look_at_services()
         if found or lost:
             self.inbox.put(lambda: self._note(found, lost))
-        offers = self._view.look_at_services()
         if offers is not None:
             self.inbox.put(lambda: self.on_offers(*offers))
 
@@ -331,14 +304,3 @@ class RclpyNode:
     def destroy(self, destroy: Callable[[RclpyObject], object], one: RclpyObject) -> None:
         """End something in the thread that spins, which may be waiting for it now."""
         self.run(lambda: destroy(one))
-
-
-def _hand_message(node: RclpyNode, topic: str, raw: bytes, info: Mapping[str, int]) -> None:
-    node.hand(topic, raw, info["source_timestamp"])
-
-
-def _no_events(*, is_writer: bool) -> RclpyObject:
-    """Return the choice to be told of no events, of which rclpy would wait for several with each endpoint."""
-    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks  # noqa: PLC0415 - see above
-
-    return (PublisherEventCallbacks if is_writer else SubscriptionEventCallbacks)(use_default_callbacks=False)

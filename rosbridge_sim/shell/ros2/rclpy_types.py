@@ -118,3 +118,10 @@ def rclpy_quality(quality: Quality) -> RclpyObject:
         reliability=ReliabilityPolicy.RELIABLE if quality.is_reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if quality.is_latched else DurabilityPolicy.VOLATILE,
     )
+
+
+def no_events(*, is_writer: bool) -> RclpyObject:
+    """Return the choice to be told of no events, of which rclpy would wait for several with each endpoint."""
+    from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks  # noqa: PLC0415 - see above
+
+    return (PublisherEventCallbacks if is_writer else SubscriptionEventCallbacks)(use_default_callbacks=False)
