@@ -28,7 +28,7 @@ from rosbridge_sim.world.drivers.intruders import stop_for_intruders
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
 from rosbridge_sim.world.drivers.look_rules import MUCH_SLOWER, foresee, slow_down
 from rosbridge_sim.world.drivers.looks_one_by_one import look_one_by_one
-from rosbridge_sim.world.drivers.right_of_way import Requests, give_claims, update_holds
+from rosbridge_sim.world.drivers.right_of_way import Requests, find_entered, find_rivals, give_claims, update_holds
 from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import (
@@ -130,7 +130,7 @@ def observe(
         rival = len(drivers.arc) + int(gives_way[which])
     elif waits:
         stop = Stop.NO_ROOM if perception.is_shut_out[which] else Stop.RIGHT_OF_WAY
-        rival = _find_rival(conflicts, drivers, others.lane[:num_moving], lane, which)
+        rival = _find_rival(conflicts, drivers, others.first(num_moving), lane, which)
     else:
         stop, lane = look.find_stop(which, distance)
     return DriverSight(
@@ -144,20 +144,20 @@ def observe(
     )
 
 
-def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, lane: int, which: int) -> int:
+def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: Entries, lane: int, which: int) -> int:
     """Return who has or claims a rival of a lane: an index as in `DriverSight`, -1 for none.
 
     Args:
         drivers: after claims were given.
-        moving: (m,) lanes of the moving vehicles that do not follow lanes.
+        moving: entries of the moving vehicles that do not follow lanes.
         lane: row of the lane.
         which: the driver that asks for it.
     """
-    _, link = conflicts.rivals.of(np.array([lane]))
+    _, link = find_rivals(conflicts, drivers, np.array([lane]), np.array([which]), moving)
     rivals = conflicts.rivals.other[link]
     has_one = is_among(drivers.held, rivals) | is_among(drivers.claim, rivals)
     has_one[which] = False
-    found = np.concatenate([has_one, is_among(moving, rivals)]).nonzero()[0]
+    found = np.concatenate([has_one, is_among(moving.lane, rivals)]).nonzero()[0]
     return int(found[0]) if len(found) else -1
 
 
@@ -205,7 +205,8 @@ class _Look:
         self._request_own_lane()
         distance = roads.length[drivers.lanes[0]] - drivers.arc  # from the reference point to the next lane's start
         i = np.arange(len(distance))
-        for lanes, exit_lanes in zip(drivers.lanes[1:], [*drivers.lanes[2:], None], strict=True):
+        held_at = find_entered(roads, drivers.lanes, drivers.arc + drivers.nose, drivers.held)
+        for part, (lanes, exit_lanes) in enumerate(zip(drivers.lanes[1:], [*drivers.lanes[2:], None], strict=True), 1):
             i = i[distance[i] < horizon[i]]
             lane = lanes[i]
             is_end = lane < 0
@@ -224,6 +225,7 @@ class _Look:
                 to_wait = to_line[following] + conflicts.wait_point[there]
                 asks = (requests.lane[at] < 0) & np.isinf(perception.stop_distance[at])
                 asks &= (drivers.claim[at] != there) | (to_wait > self._stop_way[at])
+                asks &= part > held_at[at]
                 at, there = at[asks], there[asks]
                 self._request(at, there, -1 if exit_lanes is None else exit_lanes[at], to_wait[asks])
             self._slow_down(i, lane, distance[i])

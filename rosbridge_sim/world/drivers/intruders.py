@@ -13,7 +13,9 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.drivers.driver_model import FIRM, Perception
+from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
+from rosbridge_sim.world.drivers.right_of_way import find_entered
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 
@@ -59,6 +61,10 @@ def stop_for_intruders(conflicts: LaneConflicts, drivers: Drivers, perception: P
     at = order[ranges(begin, count)]
     driver, is_held = at % len(drivers.arc), at >= len(drivers.arc)
     index, link = index[pair], link[pair]
+    # Where cars pass each other, only long vehicles are in the way.
+    counts = ~conflicts.rival_passes[link] | (drivers.length[driver] > HEAVY_LENGTH)
+    counts |= (nose - tail)[index] > HEAVY_LENGTH
+    driver, is_held, index, link = driver[counts], is_held[counts], index[counts], link[counts]
     back = conflicts.rival_back[link]
     # Places on the driver's lane, from its bumper; and on the intruder's lane, from its own.
     ahead = _distance_to(conflicts, drivers, driver, conflicts.rivals.other[link], is_held=is_held)
@@ -106,7 +112,8 @@ def _distance_to(
     """Return the distances from bumpers to the starts of lanes that drivers claim or hold, (m,) [m]."""
     lanes, length = drivers.lanes.take(driver, axis=1), conflicts.roads.length
     ahead = -(drivers.arc[driver] + drivers.nose[driver])
-    is_behind = is_held & (lanes[0] != lane)  # the tail is still on a lane that the reference point has left
+    # The tail is still on a lane that the reference point has left, or only the nose is on it.
+    is_behind = is_held & (lanes[0] != lane) & (find_entered(conflicts.roads, lanes, -ahead, lane) == 0)
     distance = np.where(is_behind, ahead - length[lane], np.inf)
     for here in lanes:
         distance = np.where(np.isinf(distance) & (here == lane), ahead, distance)

@@ -102,6 +102,7 @@ class _Looks:
         if asks:
             claim = self._ask(i, claim, lane, lanes[1], to_wait)
         stop, distance = math.inf, self._length[lane] - arc
+        held_at = self._find_held(held, lanes, nose - distance) if held >= 0 and nose >= distance else 0
         for part in range(1, len(lanes)):
             if distance >= horizon:
                 break
@@ -114,7 +115,7 @@ class _Looks:
                 if claim == lane:
                     claim = self._claim[i] = -1
             to_wait = to_line + wait_point[lane]
-            if to_wait < math.inf == stop and not asks and (claim != lane or to_wait > stop_way):
+            if part > held_at and to_wait < math.inf == stop and not asks and (claim != lane or to_wait > stop_way):
                 asks, exit_lane = True, lanes[part + 1] if part + 1 < len(lanes) else -1
                 claim = self._ask(i, claim, lane, exit_lane, to_wait)
             at = self._first[lane]
@@ -125,6 +126,16 @@ class _Looks:
                 gap = distance + tail[lead] - nose
             distance += self._length[lane]
         return gap, lead, stop, square
+
+    def _find_held(self, held: int, lanes: list[int], beyond: float) -> int:
+        """Return what `find_entered` does for the lane that a driver holds; its nose is beyond the first lane [m]."""
+        place = 0
+        for i, lane in enumerate(lanes[1:], 1):
+            if lane < 0 or beyond < 0.0:
+                break
+            place = i if lane == held else place
+            beyond -= self._length[lane]
+        return place
 
     def _ask(self, i: int, claim: int, lane: int, exit_lane: int, distance: float) -> int:
         """Request a lane for a driver; return its claim, which is given back if it is for this lane."""

@@ -17,13 +17,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
 from rosbridge_sim.world.drivers.driver_model import BRAKE_FROM, CREEP, GAP, STOP_GAP, Perception
+from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -77,8 +79,29 @@ def update_holds(conflicts: LaneConflicts, drivers: Drivers) -> None:
     at = (drivers.held >= 0).nonzero()[0]
     if not len(at):
         return
-    is_out = _tail_on_held_lane(conflicts.roads, drivers, at) > conflicts.clear_point[drivers.held[at]]
+    is_out = _tail_on_held_lane(conflicts, drivers, at) > conflicts.clear_point[drivers.held[at]]
     drivers.held[at[is_out]] = -1
+
+
+def find_entered(roads: Roads, lanes: IntArray, nose: FloatArray, lane: IntArray) -> IntArray:
+    """Return where among lanes ahead one is that the nose has reached and the reference point has not, (k,) int64.
+
+    Args:
+        lanes: (6, k) int64, see `Drivers`.
+        nose: (k,) arc lengths of the front bumpers, on the first of these [m].
+        lane: (k,) int64, the lanes in question; -1 for none.
+
+    Returns:
+        Indices into the first axis of `lanes`; 0 for none.
+    """
+    place = np.zeros(len(nose), dtype=np.int64)
+    at = (nose >= roads.length[lanes[0]]).nonzero()[0]
+    if len(at):
+        lanes, lane, beyond = lanes.take(at, axis=1), lane[at], nose[at]
+        for i, (here, there) in enumerate(pairwise(lanes), 1):
+            beyond = beyond - roads.length[here]
+            place[at[(there == lane) & (lane >= 0) & (beyond >= 0.0)]] = i
+    return place
 
 
 def give_claims(
@@ -112,7 +135,14 @@ def give_claims(
     # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
     # here, the driver would have to stop before a lane that it was about to enter.
     claim = drivers.claim[at]
-    at = at[~((claim >= 0) & np.logical_or.reduce(drivers.lanes.take(at, axis=1) == claim))]
+    is_ahead = (claim >= 0) & np.logical_or.reduce(drivers.lanes.take(at, axis=1) == claim)
+    if np.count_nonzero(is_ahead):
+        # At the end of a lane shorter than its nose it would wait for ever: its reference point would not be there.
+        is_entered = is_ahead & (conflicts.roads.length[claim] < drivers.nose[at] + STOP_GAP + CREEP)
+        nose = drivers.arc[at] + drivers.nose[at]
+        is_entered &= find_entered(conflicts.roads, drivers.lanes.take(at, axis=1), nose, claim) > 0
+        drivers.held[at[is_entered]], drivers.claim[at[is_entered]] = claim[is_entered], -1
+        at = at[~is_ahead | is_entered]
     if len(at):
         _give(conflicts, drivers, perception, requests, queue, at, others=others, num_moving=num_moving)
     waits = needs[drivers.claim[needs] != requests.lane[needs]]
@@ -131,22 +161,26 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     num_moving: int,
 ) -> None:
     """Give lanes to drivers that ask and may, (k,) int64 indices; see `give_claims`."""
+    moving = others.first(num_moving)
+    index, link = find_rivals(conflicts, drivers, requests.lane[at], at, moving)
     has_room = _has_room(conflicts, drivers, requests, queue, at)
+    if np.count_nonzero(conflicts.rival_passes):  # without rivals it may stop on the lane
+        has_room |= np.bincount(index, minlength=len(at)) == 0
     perception.is_shut_out[at[~has_room]] = True
     stands = np.zeros(len(conflicts.wait_point), dtype=bool)
     stands[others.lane[others.stands]] = True
     is_free = ~stands[requests.lane[at]]
     perception.is_blocked[at[~is_free]] = True
-    at = at[has_room & is_free]
-    if not len(at):
+    asks = has_room & is_free
+    if not np.count_nonzero(asks):
         return
+    keeps = asks[index]
+    index, link, at = (np.cumsum(asks) - 1)[index[keeps]], link[keeps], at[asks]
     lane = requests.lane[at]
-    taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
     rank = np.empty(len(at), dtype=np.int64)
     # Beside a full road without a stop line those at one would never come: now and then each is let in.
     is_let_in = drivers.is_let_in[at] & (drivers.speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
     distance, yields = requests.distance[at], conflicts.gives_way[lane] & ~is_let_in
-    index, link = conflicts.rivals.of(lane)
     rival = conflicts.rivals.other[link]
     place = np.rint(distance / SAME_DISTANCE) + np.where(yields, FAR, 0.0)
     first = np.full(len(conflicts.wait_point), np.inf)
@@ -157,18 +191,73 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     rank[order] = np.arange(len(at))
     best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
     np.minimum.at(best, lane, rank)
-    is_refused = (taken[rival] < conflicts.rivals.figure[link]) | (best[rival] < rank[index])
+    is_own, is_taken = _are_taken(conflicts, drivers, at[index], link, moving)
+    # Those who are within a crossing let nobody go first who could not go now: they may wait for each other.
+    can_go = np.bincount(index[is_taken], minlength=len(at)) == 0
+    best_now = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
+    np.minimum.at(best_now, lane[can_go], rank[can_go])
+    first_rank = np.where(drivers.held[at[index]] >= 0, best_now[rival], best[rival])
+    is_refused = is_taken | (first_rank < rank[index])
     stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
-    perception.is_blocked[at[index[stands[rival]]]] = True
+    perception.is_blocked[at[index[stands[rival] & (is_taken | ~is_own)]]] = True
     given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
     drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
 
 
-def _tail_on_held_lane(roads: Roads, drivers: Drivers, at: IntArray) -> FloatArray:
-    """Return the arc lengths of the tails of some drivers on the lanes that they hold, (k,) [m]."""
-    is_on = drivers.lanes[0][at] == drivers.held[at]
-    before = np.where(is_on, 0.0, roads.length[drivers.held[at]])
-    return np.asarray(before + drivers.arc[at] - drivers.rear[at])
+def find_rivals(
+    conflicts: LaneConflicts, drivers: Drivers, lane: IntArray, at: IntArray, moving: Entries
+) -> tuple[IntArray, IntArray]:
+    """Return the pairs of lanes with rivals that count now; see `Links.of`.
+
+    Where cars pass each other, a pair counts if the driver is long, or one that is on, has or asks for the other lane.
+
+    Args:
+        lane: (k,) int64, lanes that drivers ask for.
+        at: (k,) int64, these drivers.
+        moving: entries of the vehicles that do not follow lanes and move.
+    """
+    index, link = conflicts.rivals.of(lane)
+    passes = conflicts.rival_passes[link]
+    if not np.count_nonzero(passes):
+        return index, link
+    is_long = drivers.length > HEAVY_LENGTH
+    has_long = np.zeros(len(conflicts.wait_point) + 1, dtype=bool)  # the last one stands for no lane
+    for lanes in (drivers.claim, drivers.held, drivers.lanes[0]):
+        has_long[lanes[is_long]] = True
+    has_long[lane[is_long[at]]] = True
+    has_long[moving.lane[2.0 * (moving.s - moving.tail) > HEAVY_LENGTH]] = True
+    counts = ~passes | is_long[at[index]] | has_long[conflicts.rivals.other[link]]
+    return index[counts], link[counts]
+
+
+def _tail_on_held_lane(conflicts: LaneConflicts, drivers: Drivers, at: IntArray) -> FloatArray:
+    """Return the arc lengths of the tails of some drivers on the lanes that they hold, (k,) [m].
+
+    It is -inf if only the nose is there.
+    """
+    held = drivers.held[at]
+    is_behind = drivers.lanes[0][at] != held
+    tail = np.asarray(drivers.arc[at] - drivers.rear[at] + np.where(is_behind, conflicts.roads.length[held], 0.0))
+    nose = drivers.arc[at] + drivers.nose[at]
+    tail[is_behind & (find_entered(conflicts.roads, drivers.lanes.take(at, axis=1), nose, held) > 0)] = -np.inf
+    return tail
+
+
+def _find_holds(conflicts: LaneConflicts, drivers: Drivers) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the lanes that drivers hold or that are under their bodies: drivers, lanes and tails [m], (m,) each."""
+    at = (drivers.held >= 0).nonzero()[0]
+    held, tail = drivers.held[at], _tail_on_held_lane(conflicts, drivers, at)
+    found = [(at, held, tail)]
+    # From the reference point to the lane that the nose is on
+    at = at[np.isinf(tail)]
+    for lanes in drivers.lanes[:-1]:
+        at = at[lanes[at] != drivers.held[at]]
+        if not len(at):
+            break
+        tail = drivers.arc[at] - drivers.rear[at] if lanes is drivers.lanes[0] else np.full(len(at), -np.inf)
+        found.append((at, lanes[at], tail))
+    who, lane, tails = zip(*found, strict=True)
+    return np.concatenate(who), np.concatenate(lane), np.concatenate(tails)
 
 
 def _has_room(
@@ -187,11 +276,45 @@ def _has_room(
     return np.asarray(~is_plain | (free - reserved[exit_lane] >= drivers.length[at] + GAP))
 
 
-def _taken(conflicts: LaneConflicts, drivers: Drivers, moving_lane: IntArray, moving_tail: FloatArray) -> FloatArray:
-    """Return where on each lane the last tail is of those that have or claim it, (l,); inf where there is none [m]."""
+def _are_taken(
+    conflicts: LaneConflicts, drivers: Drivers, who: IntArray, link: IntArray, moving: Entries
+) -> tuple[BoolArray, BoolArray]:
+    """Return for pairs of lanes with rivals whether the driver itself is on the rival, and whether others have it.
+
+    Args:
+        who: (m,) int64, the drivers that ask.
+        link: (m,) int64, the pairs; see `Links.of`.
+        moving: entries of the vehicles that do not follow lanes and move.
+    """
+    rival, figure, num = conflicts.rivals.other[link], conflicts.rivals.figure[link], len(conflicts.wait_point)
+    holds = _find_holds(conflicts, drivers)
+    is_taken = _taken(conflicts, drivers, holds, moving)[rival] < figure
+    # Where lanes are short the driver itself may be on the rival.
+    is_own = is_among(who * num + rival, holds[0] * num + holds[1])
+    for pair in (is_own & is_taken).nonzero()[0].tolist():
+        taken = _taken(conflicts, drivers, holds, moving, but=int(who[pair]))
+        is_taken[pair] = taken[rival[pair]] < figure[pair]
+    return is_own, is_taken
+
+
+def _taken(
+    conflicts: LaneConflicts,
+    drivers: Drivers,
+    holds: tuple[IntArray, IntArray, FloatArray],
+    moving: Entries,
+    but: int = -1,
+) -> FloatArray:
+    """Return where on each lane the last tail is of those that have or claim it, (l,); inf where there is none [m].
+
+    Args:
+        holds: see `_find_holds`.
+        moving: entries of the vehicles that do not follow lanes and move.
+        but: a driver that does not count.
+    """
     taken = np.full(len(conflicts.wait_point), np.inf)
-    at = (drivers.held >= 0).nonzero()[0]
-    np.minimum.at(taken, drivers.held[at], _tail_on_held_lane(conflicts.roads, drivers, at))
-    np.minimum.at(taken, moving_lane, moving_tail)
+    who, lane, tail = holds
+    counts = who != but
+    np.minimum.at(taken, lane[counts], tail[counts])
+    np.minimum.at(taken, moving.lane, moving.tail)
     taken[drivers.claim[drivers.claim >= 0]] = -np.inf
     return taken

@@ -38,6 +38,7 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.drivers.lane_position import enter_next_legs, headings_ahead, set_legs
 from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.drivers.lane_wander import LaneWander
+from rosbridge_sim.world.drivers.right_of_way import find_entered
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
 from rosbridge_sim.world.followers.other_entities import OtherEntities
@@ -494,7 +495,9 @@ class _LaneFollowers:
         world.turns[rows] += 1
         world.ahead_5[rows] = self.choice.choose(which, world.ahead_4[rows], world.turns[rows] + NUM_AHEAD)
         lane = world.lane[rows]
-        enters = self.conflicts.wait_point[lane] == 0.0
-        world.held[rows[enters]] = lane[enters]
+        enters, held = self.conflicts.wait_point[lane] == 0.0, world.held[rows]
+        # Of lanes shorter than itself a vehicle holds the last one that its nose is on.
+        place = find_entered(self.roads, lanes[1:, rows], world.arc[rows] + self.nose[which], held)
+        world.held[rows] = np.where(enters & (place == 0), lane, held)
         has_come = enters & (world.claim[rows] == lane)
         world.claim[rows[has_come]] = -1

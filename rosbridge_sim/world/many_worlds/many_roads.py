@@ -136,7 +136,7 @@ def _repeat_conflicts(one: LaneConflicts, roads: ManyRoads) -> LaneConflicts:
     for name in LaneConflicts.__slots__:
         setattr(many, name, getattr(one, name))
     many.roads = roads
-    for name in ("wait_point", "clear_point", "shared", "gives_way", "rival_from", "rival_right"):
+    for name in ("wait_point", "clear_point", "shared", "gives_way", "rival_from", "rival_passes", "rival_right"):
         setattr(many, name, np.tile(getattr(one, name), roads.num))
     for name in ("onward", "rivals", "siblings"):
         setattr(many, name, _links(getattr(one, name), roads))

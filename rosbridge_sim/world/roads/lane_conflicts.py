@@ -67,6 +67,9 @@ SWING: Final = 8.0
 """In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this number over R, to
 the outside with its nose and to the inside with its middle. Each of two lines gets so much more room [m^2]."""
 
+CAR_SWING: Final = 2.0
+"""The same number for a car of 4.7 m with a wheelbase of 2.8 m [m^2]."""
+
 MAX_CLEAR: Final = 4.5
 """The most that is kept clear between two lines, for any radius [m]."""
 
@@ -85,6 +88,12 @@ ACROSS: Final = math.sin(math.radians(20.0))
 
 TAIL_MARGIN: Final = 1.0
 """Length added beyond the end of a conflict, for the corners of a vehicle that turns [m]."""
+
+ROAD_WIDTH: Final = 6.0
+"""The two directions of a road begin and end side by side, so far from each other at most [m]."""
+
+ONCOMING: Final = math.radians(45.0)
+"""The headings of the two directions of a road are opposite, to this angle [rad]."""
 
 MAX_LANE_PAIRS: Final = 1 << 20
 """Pairs of places compared at once: it bounds the memory."""
@@ -139,6 +148,8 @@ class LaneConflicts:
         rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
         rival_from: (k,) for each of these pairs the arc length on the lane from which it is near the rival [m].
         rival_right: (k,) bool, for each of these pairs the rival comes from the right.
+        rival_passes: (k,) bool, these are the two directions of a road in a tight bend: cars pass each other there, and
+            only where one of two vehicles is long are they rivals.
         rival_back: (k,) int64, for each of these pairs the index of the same pair seen from the rival.
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
@@ -157,6 +168,7 @@ class LaneConflicts:
             "onward",
             "rival_back",
             "rival_from",
+            "rival_passes",
             "rival_right",
             "rivals",
         ),
@@ -189,7 +201,9 @@ class LaneConflicts:
             rival &= ~(((pairs.lane == one) & (pairs.other == two)) | ((pairs.lane == two) & (pairs.other == one)))
         lane, other = pairs.lane[rival], pairs.other[rival]
         self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
-        self.rival_from = pairs.from_s[rival][np.lexsort((other, lane))]
+        order = np.lexsort((other, lane))
+        self.rival_from = pairs.from_s[rival][order]
+        self.rival_passes = (pairs.is_wide[rival] & _are_one_road(roads, lane, other))[order]
         lanes = np.repeat(np.arange(num), np.diff(self.rivals.first))
         # Both orders of a pair are here, so the pairs sorted by rival and lane are the same pairs from the other side.
         self.rival_back = np.lexsort((lanes, self.rivals.other))
@@ -340,6 +354,7 @@ class _Pairs(Record, eq=False):
         lane, other: int64, rows of the lanes.
         from_s, to_s: arc lengths on `lane` between which they are near [m].
         other_to_s: arc length on `other` up to which they are near [m].
+        is_wide: bool, cars can pass each other there.
     """
 
     lane: IntArray
@@ -347,6 +362,7 @@ class _Pairs(Record, eq=False):
     from_s: FloatArray
     to_s: FloatArray
     other_to_s: FloatArray
+    is_wide: BoolArray
 
 
 def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
@@ -359,28 +375,32 @@ def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
     # The greater curvature of the two points beside each place: the tip of a corner must not be lost between them.
     point = roads.locate(lane, s)[0] if len(lane) else np.zeros(0, dtype=np.int64)
     swing = SWING * np.maximum(curvature[point], curvature[point + 1]) if len(lane) else np.zeros(0)
-    found = [np.zeros((4, 0))]
+    found = [np.zeros((5, 0))]
     for i, j in _near(place[:, :2]):
-        apart = place[i] - place[j]
-        clear = np.minimum(CLEAR + swing[i] + swing[j], MAX_CLEAR)
-        is_near = (np.square(apart[:, :2]).sum(axis=1) < clear * clear) & (np.abs(apart[:, 2]) < BRIDGE)
+        apart, both = place[i] - place[j], swing[i] + swing[j]
+        clear = np.minimum(CLEAR + both, MAX_CLEAR)
+        square = np.square(apart[:, :2]).sum(axis=1)
+        is_near = (square < clear * clear) & (np.abs(apart[:, 2]) < BRIDGE)
         is_near &= lane[i] != lane[j]
+        wide = square >= np.square(CLEAR + CAR_SWING / SWING * both)
         i, j = i[is_near], j[is_near]  # noqa: PLW2901  # the few that are left
         # The end of one lane near the start of the other only means that they follow one another.
         is_turn = (s[i] > roads.length[lane[i]] - MAX_CLEAR) & (s[j] < MAX_CLEAR)
         is_turn |= (s[j] > roads.length[lane[j]] - MAX_CLEAR) & (s[i] < MAX_CLEAR)
         i, j = i[~is_turn], j[~is_turn]  # noqa: PLW2901  # as before
-        found += [np.stack((lane[i], lane[j], s[i], s[j])), np.stack((lane[j], lane[i], s[j], s[i]))]
-    lanes, others, on_lane, on_other = np.concatenate(found, axis=1)
+        wide = wide[is_near][~is_turn]
+        found += [np.stack((lane[i], lane[j], s[i], s[j], wide)), np.stack((lane[j], lane[i], s[j], s[i], wide))]
+    lanes, others, on_lane, on_other, is_wide = np.concatenate(found, axis=1)
     key = lanes.astype(np.int64) * len(roads) + others.astype(np.int64)
     order = np.argsort(key, kind="stable")
-    key, on_lane, on_other = key[order], on_lane[order], on_other[order]
+    key, on_lane, on_other, is_wide = key[order], on_lane[order], on_other[order], is_wide[order]
     start = np.diff(key, prepend=-1).nonzero()[0]
     if not len(start):
         empty, none = np.zeros(0), np.zeros(0, dtype=np.int64)
-        return _Pairs(none, none, empty, empty, empty)
+        return _Pairs(none, none, empty, empty, empty, none.astype(bool))
     lower, upper = np.minimum.reduceat(on_lane, start), np.maximum.reduceat(on_lane, start)
-    return _Pairs(key[start] // len(roads), key[start] % len(roads), lower, upper, np.maximum.reduceat(on_other, start))
+    other_upper, all_wide = np.maximum.reduceat(on_other, start), np.minimum.reduceat(is_wide, start) > 0.0
+    return _Pairs(key[start] // len(roads), key[start] % len(roads), lower, upper, other_upper, all_wide)
 
 
 def _near(place: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
@@ -415,6 +435,18 @@ def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tu
     is_beside = (roads.left[lane] == other) | (roads.right[lane] == other)
     is_beside |= (roads.left[other] == lane) | (roads.right[other] == lane)  # in maps that name it on one side only
     return np.asarray(is_among(lane * num + other, known) | is_beside)
+
+
+def _are_one_road(roads: Roads, lane: IntArray, other: IntArray) -> BoolArray:
+    """Return for pairs of lanes (k,) whether they are the two directions of a road outside of crossings."""
+    is_one: BoolArray = (roads.length[lane] > AT_START) & (roads.length[other] > AT_START)
+    if len(lane):
+        every = np.arange(len(roads), dtype=np.int64)
+        (start, yaw), (end, end_yaw) = roads.at(every, 0.0 * roads.length), roads.at(every, roads.length)
+        for one, two in ((lane, other), (other, lane)):
+            is_one &= np.hypot(*(start[one] - end[two])[:, :2].T) < ROAD_WIDTH
+            is_one &= np.abs(wrap_angle(yaw[one] - end_yaw[two])) > math.pi - ONCOMING
+    return is_one
 
 
 def _start_together(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

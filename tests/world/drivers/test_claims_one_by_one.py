@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -50,11 +51,37 @@ def start_yaw(conflicts: LaneConflicts, lane: int) -> float:
     return float(conflicts.roads.at([lane], [0.0])[1][0])
 
 
+def nose_lanes(case: Situation, i: int) -> list[int]:
+    """The lanes ahead that the nose of a driver has reached."""
+    conflicts, lanes = case.conflicts, [lane for lane in case.drivers.lanes[:, i].tolist() if lane >= 0]
+    nose, found = float(case.drivers.arc[i] + case.drivers.nose[i]), []
+    for here, there in pairwise(lanes):
+        nose -= float(conflicts.roads.length[here])
+        if nose >= 0.0:
+            found.append(there)
+    return found
+
+
 def tail_on_held(case: Situation, i: int) -> float:
-    """Where the tail of a driver is on the lane that it holds."""
+    """Where the tail of a driver is on the lane that it holds; -inf if only its nose is there."""
     drivers, held = case.drivers, int(case.drivers.held[i])
     tail = float(drivers.arc[i] - drivers.rear[i])
-    return tail if drivers.lanes[0, i] == held else tail + float(case.conflicts.roads.length[held])
+    if drivers.lanes[0, i] == held:
+        return tail
+    return -math.inf if held in nose_lanes(case, i) else tail + float(case.conflicts.roads.length[held])
+
+
+def holds_of(case: Situation, i: int) -> dict[int, float]:
+    """The lanes that a driver holds, or that are under its body, with its tail there."""
+    drivers, held = case.drivers, int(case.drivers.held[i])
+    if held < 0:
+        return {}
+    found = {held: tail_on_held(case, i)}
+    if found[held] == -math.inf:
+        lanes = drivers.lanes[:, i].tolist()
+        found |= dict.fromkeys(lanes[: lanes.index(held)], -math.inf)
+        found[lanes[0]] = float(drivers.arc[i] - drivers.rear[i])
+    return found
 
 
 def update_one_by_one(case: Situation) -> tuple[list[int], list[int]]:
@@ -98,21 +125,36 @@ class OneByOne:
             for i in range(self.num)
             if self.drivers.held[i] >= 0 and self.drivers.speed[i] < 0.1
         }
-        taken = self._taken()
+        self.taken = self._taken(set(range(self.num)))
         best: dict[int, int] = {}
+        best_now: dict[int, int] = {}
         for rank, i in enumerate(order):
             best.setdefault(int(self.requests.lane[i]), rank)
+            if not any(self._last(i, pair) < case.conflicts.rivals.figure[pair] for pair in self._pairs(i)):
+                best_now.setdefault(int(self.requests.lane[i]), rank)
         self.given = []
         for rank, i in enumerate(order):
-            lane, is_free = int(self.requests.lane[i]), True
-            for pair in rivals_of(case.conflicts, lane):
+            is_free = True
+            first = best if self.drivers.held[i] < 0 else best_now  # those within let nobody go who could not go now
+            for pair in self._pairs(i):
                 rival = int(case.conflicts.rivals.other[pair])
-                if taken.get(rival, math.inf) < case.conflicts.rivals.figure[pair] or best.get(rival, self.num) < rank:
+                is_taken = self._last(i, pair) < case.conflicts.rivals.figure[pair]
+                if is_taken or first.get(rival, self.num) < rank:
                     is_free = False
-                if rival in stands:
+                if rival in stands and (is_taken or rival not in holds_of(case, i)):
                     self.blocked.add(i)
             if is_free:
                 self.given.append(i)
+
+    def _pairs(self, i: int) -> list[int]:
+        return rivals_of(self.case.conflicts, int(self.requests.lane[i]))
+
+    def _last(self, i: int, pair: int) -> float:
+        """Where the last tail is on a rival of the lane that a driver asks for; it does not wait for itself."""
+        rival = int(self.case.conflicts.rivals.other[pair])
+        if rival in holds_of(self.case, i):
+            return self._taken(set(range(self.num)) - {i}).get(rival, math.inf)
+        return self.taken.get(rival, math.inf)
 
     def _first_on(self) -> dict[int, tuple[float, float]]:
         """Tail and speed of the first entity on each lane, by the place of its reference point."""
@@ -173,12 +215,12 @@ class OneByOne:
         turns_left = float(conflicts.roads.turn[lane]) > math.radians(30.0)
         return self.place[i], has_right, turns_left, float(self.requests.distance[i]), lane
 
-    def _taken(self) -> dict[int, float]:
+    def _taken(self, holders: set[int]) -> dict[int, float]:
         taken: dict[int, float] = {}
         drivers, others = self.drivers, self.case.others
-        for i in range(self.num):
-            if (held := int(drivers.held[i])) >= 0:
-                taken[held] = min(taken.get(held, math.inf), tail_on_held(self.case, i))
+        for i in holders:
+            for held, tail in holds_of(self.case, i).items():
+                taken[held] = min(taken.get(held, math.inf), tail)
         for lane, tail in zip(others.lane[: self.case.num_moving], others.tail, strict=False):
             taken[int(lane)] = min(taken.get(int(lane), math.inf), float(tail))
         for claim in drivers.claim.tolist():
@@ -228,7 +270,7 @@ def distance_to(case: Situation, i: int, lane: int, *, is_held: bool) -> float:
     """From the bumper to the start of a lane; negative behind it, and without end for a lane that is not on the way."""
     drivers, length = case.drivers, case.conflicts.roads.length
     ahead = -float(drivers.arc[i] + drivers.nose[i])
-    if is_held and drivers.lanes[0, i] != lane:
+    if is_held and drivers.lanes[0, i] != lane and lane not in nose_lanes(case, i):
         return ahead - float(length[lane])
     for here in drivers.lanes[:, i].tolist():
         if here == lane:

@@ -171,6 +171,7 @@ class OneByOne:
                 claim, seen.refused = NONE, lane
         wait = float(self.conflicts.wait_point[lane])
         may_ask = claim != drivers.claim[i] or self._may_ask(i, lane, to_line + wait)
+        may_ask = may_ask and not self._is_within(i, lane)
         if may_ask and math.isfinite(wait) and seen.request[0] < 0 and math.isinf(seen.stop):
             self._ask(seen, i, lane, after, to_line + wait)
         first = int(self.roads.first[lane])
@@ -191,6 +192,15 @@ class OneByOne:
         comfort = float(self.drivers.parameters.comfort[i])
         way = float(self.drivers.speed[i]) ** 2 / (2.0 * comfort) + 1.0 + 2.5
         return int(self.drivers.claim[i]) != lane or distance > way
+
+    def _is_within(self, i: int, lane: int) -> bool:
+        """The driver holds a lane ahead that its nose is on, which is this one or one behind it."""
+        held, ahead = int(self.drivers.held[i]), [k for k in self.drivers.lanes[:, i].tolist() if k >= 0]
+        nose, entered = float(self.drivers.arc[i] + self.drivers.nose[i]), list[int]()
+        for here, there in pairwise(ahead):
+            nose -= float(self.roads.length[here])
+            entered += [there] if nose >= 0.0 else []
+        return held in entered and lane in entered[: len(entered) - entered[::-1].index(held)]
 
     def _ask(self, seen: Seen, i: int, lane: int, after: int, distance: float) -> None:
         seen.request, seen.again = (lane, after, distance), int(self.drivers.claim[i]) == lane
@@ -336,11 +346,17 @@ def test_view_of_a_driver_tells_what_it_stops_for_as_one_by_one(seed: int, maps:
         assert found == sight_of(again(case), may_enter, i)
 
 
+def entries_on(lanes: list[int]) -> Entries:
+    """Vehicles on lanes."""
+    one = np.ones(len(lanes))
+    return Entries(np.array(lanes), 5.0 * one, 3.0 * one, one, 0.0 * one, np.full(len(lanes), NONE), one < 0.0)
+
+
 def test_rival_of_a_driver_is_another_driver_before_any_other_vehicle_and_never_itself() -> None:
     conflicts = LaneConflicts(crossing())
     through, across = 1, 4
     drivers = situation(conflicts, 0, num=3).drivers
-    nobody, vehicles = np.array([0, 3]), np.array([0, across])
+    nobody, vehicles = (entries_on(lanes) for lanes in ([0, 3], [0, across]))
     for held, claim, moving, expected in [
         ([across, NONE, NONE], [NONE, NONE, NONE], nobody, NONE),
         ([across, NONE, NONE], [NONE, NONE, across], vehicles, 2),

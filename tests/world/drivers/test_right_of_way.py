@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.driver_model import GAP
@@ -14,7 +15,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.drivers.test_claims_one_by_one import one_crossing
-from tests.world.lane_drives import NOSE, lane_of, run, world_of
+from tests.world.lane_drives import BUS, NOSE, lane_of, run, world_of
 from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, signalled
 
 
@@ -314,3 +315,63 @@ def test_driver_at_a_stop_line_is_let_in_beside_a_full_road() -> None:
     run(world, 50.0)
     assert lane_of(world, waiting) == "n"
     assert (world.lane[world.has_lane] == world.roads.row("w")).any()
+
+
+@pytest.mark.parametrize("body", [CAR, BUS])
+@pytest.mark.parametrize("length", [2.0, 4.0])
+def test_vehicle_longer_than_the_lanes_of_a_crossing_does_not_wait_for_itself(length: float, body: Body) -> None:
+    ends = [-200.0, 0.0, length, 2.0 * length, 3.0 * length, 150.0]
+    names = ["a", "b", "c", "d", "e"]
+    lanes = {
+        name: (line((ends[i], 0), (ends[i + 1], 0)), "".join(names[i + 1 : i + 2])) for i, name in enumerate(names)
+    }
+    across = {f"n{i}": (line((x, -100), (x, 100)), "") for i, x in enumerate([0.5 * length, 2.5 * length])}
+    world = world_of(make(**lanes, **across))
+    row = car(world, "a", 165.0, speed=8.0, body=body)
+    crossing_it = [car(world, f"n{i}", s, speed=8.0) for i in range(2) for s in (35.0, 60.0)]
+    run(world, 20.0)
+    assert lane_of(world, row) == "e"
+    assert all(world.arc[other] > 105.0 for other in crossing_it)
+
+
+def bend() -> Roads:
+    """The two directions of a road, 3.5 m apart, that turn by a right angle with radii of 8.5 and 12 m."""
+    inner = np.concatenate([line((-60, 8.5)), arc(0, 0, 8.5, 90, -90), line((8.5, -60))])
+    outer = np.concatenate([line((12, -60)), arc(0, 0, 12.0, 0, 90), line((-60, 12))])
+    return make(inner=(inner, ""), outer=(outer, ""))
+
+
+def test_cars_pass_each_other_in_a_tight_bend_of_a_road() -> None:
+    alone, both = world_of(bend()), world_of(bend())
+    rows = [car(world, "inner", 20.0, speed=8.0) for world in (alone, both)]
+    other = car(both, "outer", 20.0, speed=8.0)
+    run(alone, 12.0)
+    run(both, 12.0)
+    assert both.arc[rows[1]] == alone.arc[rows[0]] > 90.0
+    assert both.arc[other] > 90.0
+
+
+@pytest.mark.parametrize(("bus", "second"), [("inner", "outer"), ("outer", "inner")])
+def test_car_and_bus_use_a_tight_bend_of_a_road_in_turn(bus: str, second: str) -> None:
+    alone, both = world_of(bend()), world_of(bend())
+    row = car(alone, second, 20.0, speed=8.0)
+    car(both, bus, 35.0, speed=8.0, body=BUS)
+    other = car(both, second, 20.0, speed=8.0)
+    run(alone, 8.0)
+    run(both, 8.0)
+    assert both.arc[other] < alone.arc[row] - 10.0
+    run(both, 12.0)
+    assert both.arc[other] > 90.0
+
+
+@pytest.mark.parametrize(("length", "stops"), [(CAR.length, False), (12.0, True)])
+def test_car_gives_way_in_a_tight_bend_to_an_oncoming_ego_that_is_long(length: float, *, stops: bool) -> None:
+    world = world_of(bend())
+    row = car(world, "inner", 45.0, speed=5.0)
+    body = Body(length, CAR.width, CAR.height)
+    uid = world.spawn(Kind.EGO, body, name="ego", x=12.0, y=-4.0, yaw=0.5 * math.pi, speed=4.0)
+    command(world, world.row(uid), mode=Mode.ACCEL, steer=0.0, accel=0.0)
+    step(world)
+    view = view_driver(world, row)
+    assert view is not None
+    assert (view.stop is Stop.RIGHT_OF_WAY) == stops

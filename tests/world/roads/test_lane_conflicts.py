@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import (
     AT_START,
     CLEAR,
@@ -160,6 +161,19 @@ def test_tight_bends_need_more_room() -> None:
     assert len(LaneConflicts(make(a=(inner, ""), b=(outer, ""))).rivals.other) == 2
     inner, outer = arc(0, 0, 60.0, 0, 90), arc(0, 0, 63.2, 90, -90)
     assert len(LaneConflicts(make(a=(inner, ""), b=(outer, ""))).rivals.other) == 0
+
+
+@pytest.mark.parametrize(("straight", "apart", "passes"), [(20.0, 3.5, True), (20.0, 2.6, False), (2.0, 3.5, False)])
+def test_cars_pass_each_other_in_bends_of_roads_with_two_wide_directions(
+    straight: float, apart: float, *, passes: bool
+) -> None:
+    def way(radius: float) -> FloatArray:
+        return np.concatenate([line((-straight, radius)), arc(0, 0, radius, 90, -90), line((radius, -straight))])
+
+    roads = make(a=(way(9.0), ""), b=(way(9.0 + apart)[::-1], ""))
+    assert LaneConflicts(roads).rival_passes.tolist() == [passes] * 2
+    one_way = make(a=(way(9.0), ""), b=(way(9.0 + apart), ""))
+    assert LaneConflicts(one_way).rival_passes.tolist() == [False] * 2
 
 
 def test_points_are_compared_in_bounded_batches(monkeypatch: pytest.MonkeyPatch) -> None:
