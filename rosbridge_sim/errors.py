@@ -23,6 +23,8 @@ raised, logged with its traceback and counted.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import Enum
 
 __all__ = [
@@ -44,6 +46,7 @@ __all__ = [
     "SettingError",
     "TypeNameError",
     "UnknownPackageError",
+    "file_errors",
 ]
 
 
@@ -161,6 +164,20 @@ class GraphError(PeerError):
 
 class DocumentError(RosbridgeSimError):
     """A file or a setting that cannot be used: place, mistake and expected value in one line."""
+
+
+@contextmanager
+def file_errors(path: object, done: str) -> Iterator[None]:
+    """Turn an error of the disk into a `DocumentError` that names the file and the reason.
+
+    Args:
+        path: of the file, if the error names none.
+        done: what was tried, such as "written".
+    """
+    try:
+        yield
+    except OSError as error:
+        raise DocumentError(f"{error.filename or path}: cannot be {done}: {error.strerror or error}") from None
 
 
 class DefinitionError(DocumentError):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of, run_folder
 from rosbridge_sim.campaigns.run_results import Result
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 
 
 def merge_folders(folders: Sequence[ResultsFolder], into: ResultsFolder) -> list[Result]:
@@ -38,12 +38,10 @@ def merge_folders(folders: Sequence[ResultsFolder], into: ResultsFolder) -> list
     for result, path in results:
         source, target = run_folder(path, result.run.number), run_folder(into.path, result.run.number)
         kept = [file for file in source.iterdir() if file.name in result.files] if source.is_dir() else []
-        try:
+        with file_errors(target, "written"):
             for file in kept:
                 target.mkdir(parents=True, exist_ok=True)
                 shutil.copy2(file, target / file.name)
-        except OSError as error:
-            raise DocumentError(f"{error.filename or target}: cannot be written: {error.strerror}") from None
         if trouble := into.append(result):
             raise DocumentError(f"{into.path}: results could not be written: {trouble}")
     return [result for result, _ in results]

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.version import __version__
 
@@ -73,11 +73,9 @@ class ResultsFolder:
         Raises:
             DocumentError: another process writes there, or the folder cannot be written.
         """
-        try:
+        with file_errors(self.path, "written"):
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock = FolderLock(self.path / LOCK)
-        except OSError as error:
-            raise DocumentError(f"{error.filename or self.path}: cannot be written: {error.strerror}") from None
 
     def begin(self, job: Job, *, is_resumed: bool) -> list[Result]:
         """Begin the results, or take up those that are there.
@@ -92,7 +90,7 @@ class ResultsFolder:
         there = self.path / CAMPAIGN
         if self._lock is None:
             self.hold()
-        try:
+        with file_errors(self.path, "written"):
             self._check_campaign(there, job, is_resumed=is_resumed)
             found = self.results() if is_resumed else []
             if not there.is_file():
@@ -101,8 +99,6 @@ class ResultsFolder:
                 )
                 there.write_text(job.text, "utf-8")
             self._file = self._open_results()
-        except OSError as error:
-            raise DocumentError(f"{error.filename or self.path}: cannot be written: {error.strerror}") from None
         return found
 
     def _check_campaign(self, there: Path, job: Job, *, is_resumed: bool) -> None:
@@ -139,10 +135,8 @@ class ResultsFolder:
         """
         path = self.path / RESULTS
         found: dict[int, Result] = {}
-        try:
+        with file_errors(path, "read"):
             lines = path.read_bytes().split(b"\n")[:-1] if path.is_file() else []
-        except OSError as error:
-            raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
         for number, line in enumerate(lines, 1):
             try:
                 result = Result.from_json(json.loads(line))
@@ -227,10 +221,8 @@ class ResultsFolder:
             return
         columns = {key: pa.array(_alike(cells)) for key, cells in columns_of(results, parameters).items()}
         path = self.path / "runs.parquet"
-        try:
+        with file_errors(path, "written"):
             parquet.write_table(pa.table(columns), str(path))
-        except OSError as error:
-            raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
 
     def write(self, name: str, text: str) -> None:
         """Write a file in one piece: the old one stays if the disk is full.

@@ -15,7 +15,6 @@ from typing import Final
 from rosbridge_sim.campaign_runs.pools import Pool
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from rosbridge_sim.campaigns.campaign import Campaign
-from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.run_results import BAD, Result, Run
 from rosbridge_sim.records import replace
 
@@ -136,7 +135,7 @@ class CampaignRunner:
     def _submit(self, task: tuple[Run, ...], *, may_keep: bool) -> Future[list[Result]]:
         driver = self.campaign.drivers[task[0].driver]
         document = self.campaign.document
-        seconds = _longest(driver) * document.repeat * len(task) + SPARE * driver.is_program
+        seconds = driver.timeout * document.repeat * len(task) + SPARE * driver.is_program
         return self.pool.submit(task, timeout=seconds, may_keep=may_keep)
 
     def _take(self, result: Result, why_not: str) -> Result:
@@ -156,10 +155,6 @@ class CampaignRunner:
         self.trouble = self.folder.append(result)
         self.tell(result)
         return result
-
-
-def _longest(driver: DriverItem) -> float:
-    return driver.timeout
 
 
 @dataclass(slots=True)

@@ -26,6 +26,7 @@ from rosbridge_sim.campaigns.run_results import BAD, Breach, Result, Run, Verdic
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import replace
 
 try:
     import resource
@@ -153,21 +154,16 @@ def _joined(results: Sequence[Result]) -> Result:
     if len(results) == 1:
         return chosen
     is_flaky = len(set(verdicts)) > 1
-    return Result(
-        chosen.run,
-        "flaky" if is_flaky else chosen.verdict,
-        f"{verdicts.count('pass')} of {len(verdicts)} drives passed; {chosen.reason}" if is_flaky else chosen.reason,
-        chosen.breaches,
-        chosen.scores,
-        chosen.frames,
-        chosen.state_hash,
-        chosen.path,
-        verdicts,
-        next((each.files for each in results if each.files), ()),
-        next((each.trouble for each in results if each.trouble), ""),
-        sum(each.wall for each in results),
-        sum(each.cpu for each in results),
-        chosen.worker,
+    if is_flaky:
+        text = f"{verdicts.count('pass')} of {len(verdicts)} drives passed; {chosen.reason}"
+        chosen = replace(chosen, verdict="flaky", reason=text)
+    return replace(
+        chosen,
+        verdicts=verdicts,
+        files=next((each.files for each in results if each.files), ()),
+        trouble=next((each.trouble for each in results if each.trouble), ""),
+        wall=sum(each.wall for each in results),
+        cpu=sum(each.cpu for each in results),
     )
 
 

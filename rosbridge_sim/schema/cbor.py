@@ -208,7 +208,7 @@ class _CborSource(Source):
         else:
             code = code_of(kind, spec.dialect.ros)
             self.constant(head(_TAG, _ARRAY_TAGS[code]))
-            count = 0 if field_spec.definition.is_bounded else field_spec.definition.array
+            count = field_spec.definition.count
             if count and count <= MAX_STARRED:
                 layout = struct.Struct(f"<{count}{code}")
                 self.constant(head(_BYTES, layout.size))

@@ -118,7 +118,7 @@ def _default(
     f: Field, inner: MessageSpec | None, definition: Definition, dialect: Dialect
 ) -> object | Callable[[], object]:
     """Return a field's default: the value itself if it may be shared, else a function that makes a new one."""
-    count = 0 if f.array is None or f.is_bounded else f.array
+    count = f.count
     if inner is not None:
         struct_type = inner.struct_type
         if f.array is None:
@@ -208,7 +208,7 @@ def _make_finalize(
             lines.append(f"if {item} is no_stamp or {item} is None: {item} = now(stamp_ns)")
         elif field_spec.definition.is_bytes:
             high = field_spec.definition.array or _NO_LENGTH_LIMIT
-            low = 0 if field_spec.definition.is_bounded or not field_spec.definition.array else high
+            low = field_spec.definition.count
             lines.append(f"if {item}.__class__ is not bytes: {item} = read_bytes({item}, {low}, {high})")
         elif field_spec.definition.type == "float32":
             lines.append(f"if {item}: {item} = round32{'_list' if is_array else ''}({item})")

@@ -169,10 +169,7 @@ class _Check(Record):
         if field_spec.nested is not None:
             if field_spec.definition.array is None:
                 return self.default(field_spec.nested)
-            return [
-                self.default(field_spec.nested)
-                for _ in range(0 if field_spec.definition.is_bounded else field_spec.definition.array)
-            ]
+            return [self.default(field_spec.nested) for _ in range(field_spec.definition.count)]
         if spec.is_header and field_spec.definition.name == "stamp":
             return self.dialect.time(self.stamp_ns)
         return field_spec.make()

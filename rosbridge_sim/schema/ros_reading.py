@@ -100,7 +100,7 @@ class _ReaderSource(Source):
 
     def array(self, field_spec: FieldSpec, spec: MessageSpec) -> str:
         definition = field_spec.definition
-        count = 0 if definition.is_bounded or not definition.array else definition.array
+        count = definition.count
         times = spec.dialect.times.get(definition.type)
         is_number = field_spec.nested is None and times is None and definition.type not in {"string", "wstring"}
         if is_number and 0 < count <= MAX_STARRED and not definition.is_bytes:

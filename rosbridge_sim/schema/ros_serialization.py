@@ -167,9 +167,7 @@ class _RosSource(Source):
 
     def array(self, field_spec: FieldSpec, spec: MessageSpec, item: str) -> None:
         kind = field_spec.definition.type
-        count = (
-            0 if field_spec.definition.is_bounded or not field_spec.definition.array else field_spec.definition.array
-        )
+        count = field_spec.definition.count
         is_number = field_spec.nested is None and kind not in {"string", "wstring", *spec.dialect.times}
         if is_number and 0 < count <= MAX_STARRED and not field_spec.definition.is_bytes:
             self.fixed(f"{count}{code_of(kind, spec.dialect.ros)}", f"*{item}")

@@ -85,13 +85,7 @@ def _cost_of(spec: MessageSpec) -> int:
     """Return the cost of a message that has only defaults."""
     cost = 1
     for field_spec in spec.fields.values():
-        count = (
-            1
-            if field_spec.definition.array is None
-            else 0
-            if field_spec.definition.is_bounded
-            else field_spec.definition.array
-        )
+        count = 1 if field_spec.definition.array is None else field_spec.definition.count
         if field_spec.nested is not None:
             cost += count * _cost_of(field_spec.nested)
         elif field_spec.definition.type == "float32" and field_spec.definition.array is None:

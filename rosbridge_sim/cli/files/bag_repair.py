@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.cli.tools.text import show
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.bags.repair import Recovered, repair, repaired_name
 
@@ -20,21 +20,20 @@ def repair_bag(file: str, output: str | None, *, is_json: bool) -> None:
     """
     target = repaired_name(Path(file)) if output is None else Path(output)
     found = repair(Path(file), target)
-    if is_json:
-        put_json(
-            {
-                "file": str(target),
-                "messages": found.num_messages,
-                "start": found.start_ns / 1e9,
-                "end": found.end_ns / 1e9,
-                "damaged_chunks": found.num_damaged,
-                "lost_bytes": found.num_lost_bytes,
-                "lost_topics": list(found.lost_topics),
-                "was_complete": found.is_complete,
-            }
-        )
-    else:
-        put(f"{safe(str(target))}: {_account(found)}")
+    show(
+        {
+            "file": str(target),
+            "messages": found.num_messages,
+            "start": found.start_ns / 1e9,
+            "end": found.end_ns / 1e9,
+            "damaged_chunks": found.num_damaged,
+            "lost_bytes": found.num_lost_bytes,
+            "lost_topics": list(found.lost_topics),
+            "was_complete": found.is_complete,
+        },
+        f"{safe(str(target))}: {_account(found)}",
+        is_json=is_json,
+    )
 
 
 def _account(found: Recovered) -> str:

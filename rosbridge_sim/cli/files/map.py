@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from rosbridge_sim.cli.files.verdicts import Verdicts, exit_code, put_verdict
 from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
-from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.errors import DocumentError, SettingError, file_errors
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.maps.map_check import describe_map, list_files
 from rosbridge_sim.maps.map_formats import find_file_format, find_map_mistakes, is_map, read_map
@@ -112,10 +112,8 @@ def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
     """
     if folder.is_file():
         return _account_of_file(folder)
-    try:
+    with file_errors(folder, "read"):
         names = [at.name for at in folder.iterdir()]
-    except OSError as error:
-        raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
     files = read_folder(folder)
     account: _Report = {"file": str(folder), "folder": str(folder), "files": list_files(files, names)}
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from rosbridge_sim.cli.tools.text import put, put_json, put_names, render
+from rosbridge_sim.cli.tools.text import put, put_json, put_names, render, show
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
 from rosbridge_sim.cli.tools.topic import types_of_topics
 from rosbridge_sim.link.bridge_errors import RefusedError
@@ -61,7 +61,7 @@ async def list_actions(bridge: Bridge, *, has_types: bool, is_count: bool, is_js
 async def show_action_type(bridge: Bridge, name: str, *, is_json: bool) -> None:
     """Print the type of an action."""
     kind = await _type_of(bridge, absolute(name))
-    put_json(kind) if is_json else put(safe(kind))
+    show(kind, safe(kind), is_json=is_json)
 
 
 async def show_action(bridge: Bridge, name: str, *, has_types: bool, is_json: bool) -> None:
@@ -119,7 +119,7 @@ async def send_goal(
             assert frame is not None, "a wait without a limit ends with a frame"
             if frame.get("op") == "action_feedback" and frame.get("id") == goal_id:
                 values = frame.get("values")
-                put_json({"feedback": values}) if is_json else put(f"\nFeedback:\n{_indented(values)}")
+                show({"feedback": values}, f"\nFeedback:\n{_indented(values)}", is_json=is_json)
             elif frame.get("op") == "action_result" and frame.get("id") == goal_id:
                 _end(action, frame, is_json=is_json)
                 return
@@ -135,10 +135,8 @@ def _end(action: str, frame: Frame, *, is_json: bool) -> None:
     if frame.get("result") is False and isinstance(values, str):
         raise RefusedError(safe(values))
     status = _STATUS[number] if isinstance(number, int) and 0 <= number < len(_STATUS) else "UNKNOWN"
-    if is_json:
-        put_json({"result": values, "status": status})
-    else:
-        put(f"\nResult:\n{_indented(values)}\n\nGoal finished with status: {status}")
+    text = f"\nResult:\n{_indented(values)}\n\nGoal finished with status: {status}"
+    show({"result": values, "status": status}, text, is_json=is_json)
     if number != _SUCCEEDED:
         raise RefusedError(f"{safe(action)}: the goal has not succeeded: {status}")
 

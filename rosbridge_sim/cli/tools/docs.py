@@ -10,7 +10,7 @@ import webbrowser
 from pathlib import Path
 from typing import Final
 
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table, show
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.page.doc_files import find_doc_pages, find_docs_folder
 from rosbridge_sim.suggestions import hint
@@ -57,10 +57,7 @@ def show_page(name: str, *, is_json: bool) -> None:
         raise DocumentError(f"docs: there is no page {name!r}{hint(wanted, known)}; rosbridge-sim docs lists all")
     page = found[0]
     text = page.path.read_text("utf-8")
-    if is_json:
-        put_json({"name": page.name, "title": page.title, "text": text})
-    else:
-        put(text.rstrip("\n"))
+    show({"name": page.name, "title": page.title, "text": text}, text.rstrip("\n"), is_json=is_json)
 
 
 def open_site() -> int:

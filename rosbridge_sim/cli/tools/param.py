@@ -11,7 +11,7 @@ from typing import Any
 
 import orjson
 
-from rosbridge_sim.cli.tools.text import put, put_json, render
+from rosbridge_sim.cli.tools.text import put, put_json, render, show
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_in, words
 from rosbridge_sim.cli.tools.topic import is_ros2
 from rosbridge_sim.link.bridge_errors import RefusedError
@@ -117,7 +117,7 @@ async def set_value(bridge: Bridge, given: Sequence[str], value: object, *, is_j
     """
     name = await _name_of(bridge, given)
     await _ask(bridge, "set_param", name=name, value=to_json(value).decode())
-    put_json({"name": name, "value": value}) if is_json else put("Set parameter successful")
+    show({"name": name, "value": value}, "Set parameter successful", is_json=is_json)
 
 
 async def delete_value(bridge: Bridge, given: Sequence[str], *, is_json: bool) -> None:
@@ -128,7 +128,7 @@ async def delete_value(bridge: Bridge, given: Sequence[str], *, is_json: bool) -
     """
     name = await _name_of(bridge, given)
     await _ask(bridge, "delete_param", name=name)
-    put_json({"name": name}) if is_json else put("Deleted parameter successfully")
+    show({"name": name}, "Deleted parameter successfully", is_json=is_json)
 
 
 async def describe(bridge: Bridge, node: str, names: Sequence[str], *, is_json: bool) -> None:

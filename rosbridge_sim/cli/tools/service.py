@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_names, put_table, render
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_names, put_table, render, show
 from rosbridge_sim.cli.tools.tool_client import Bridge, ToolAnswer, absolute, words
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
@@ -59,7 +59,7 @@ async def show_service_word(bridge: Bridge, name: str, command: str, *, is_json:
     word = str((await bridge.ask(f"service_{command}", service=service)).get(command, ""))
     if not word:
         raise RefusedError(await _no_service(bridge, service))
-    put_json(word) if is_json else put(safe(word))
+    show(word, safe(word), is_json=is_json)
 
 
 async def find_services(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> None:

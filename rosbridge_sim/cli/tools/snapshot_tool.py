@@ -7,7 +7,7 @@ import binascii
 from collections.abc import Sequence
 from pathlib import Path
 
-from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.text import put, put_json, put_table, show
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, frames_in
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
@@ -72,10 +72,7 @@ async def restore(bridge: Bridge, name: str, user_id: str, *, is_json: bool) -> 
         DocumentError: the file cannot be read.
     """
     answer = await _ask(bridge, "/sim/restore", {"user_id": user_id} | _read(name))
-    if is_json:
-        put_json(answer)
-    else:
-        put(f"restored  {_describe(answer)}")
+    show(answer, f"restored  {_describe(answer)}", is_json=is_json)
 
 
 def _write(path: Path, text: str) -> None:

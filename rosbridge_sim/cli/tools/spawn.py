@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.cli.tools.text import show
 from rosbridge_sim.cli.tools.tool_client import Bridge
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
@@ -29,7 +29,4 @@ async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool)
         raise RefusedError(
             safe(text.replace("; /sim/catalogue lists", "; rosbridge-sim service call /sim/catalogue lists"))
         )
-    if is_json:
-        put_json(values)
-    else:
-        put(" ".join(str(number) for number in ids))
+    show(values, " ".join(str(number) for number in ids), is_json=is_json)

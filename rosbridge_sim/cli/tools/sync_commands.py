@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
-from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.cli.tools.text import put, put_json, show
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_in, words
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
@@ -214,10 +214,7 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
             if response.get("tick_status") is not True:
                 raise await _refusal(bridge, "the tick is refused", user_id)
             frame = _whole(response.get("frame"))
-            if is_json:
-                put_json(response)
-            else:
-                put(_describe(response))
+            show(response, _describe(response), is_json=is_json)
 
 
 @asynccontextmanager

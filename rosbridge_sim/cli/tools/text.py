@@ -16,7 +16,7 @@ from typing import cast
 
 import orjson
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 
@@ -37,6 +37,11 @@ def put_lines(text: str) -> None:
 def put_json(value: object) -> None:
     """Print a value as one line of JSON."""
     put(orjson.dumps(value).decode())
+
+
+def show(value: object, text: str, *, is_json: bool) -> None:
+    """Print a value as JSON, for programs, or as its text, for people."""
+    put_json(value) if is_json else put(text)
 
 
 def put_names(
@@ -73,10 +78,8 @@ def write_file(path: Path, text: str) -> None:
     Raises:
         DocumentError: it cannot be written.
     """
-    try:
+    with file_errors(path, "written"):
         path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be written: {error.strerror}") from None
 
 
 def demand_new(path: Path) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rosbridge_sim.cli.tools.service import read_fields
-from rosbridge_sim.cli.tools.text import leaves, note, put, put_json, put_names, put_record, put_table
+from rosbridge_sim.cli.tools.text import leaves, note, put, put_json, put_names, put_record, put_table, show
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_in, words
 from rosbridge_sim.cli.tools.tool_subscription import Listener, NoTopicError, no_topic
 from rosbridge_sim.link.bridge_errors import RefusedError
@@ -105,7 +105,7 @@ async def _type_of(bridge: Bridge, topic: str) -> str:
 async def show_topic_type(bridge: Bridge, name: str, *, is_json: bool) -> None:
     """Print a topic's type; see `_type_of` for errors."""
     kind = await _type_of(bridge, absolute(name))
-    put_json(kind) if is_json else put(safe(kind))
+    show(kind, safe(kind), is_json=is_json)
 
 
 async def find_topics(bridge: Bridge, type_name: str, *, is_count: bool, is_json: bool) -> None:

@@ -23,8 +23,8 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.subscription import COMPRESSIONS, Feed, read_options, read_qos
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.missing_fields import find_missing
 from rosbridge_sim.schema.opaque_types import OpaqueType
+from rosbridge_sim.schema.plain_values import find_missing
 from rosbridge_sim.suggestions import hint, listing
 
 _IMPLICIT = object()

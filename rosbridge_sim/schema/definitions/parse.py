@@ -83,6 +83,11 @@ class Field:
         return self.array is not None and self.type in {"uint8", "char"}
 
     @property
+    def count(self) -> int:
+        """Number of elements of an array with a fixed length; 0 for all other fields."""
+        return 0 if self.is_bounded else self.array or 0
+
+    @property
     def full_type(self) -> str:
         """The type with its array suffix, such as `float64[36]` or `string<=8[<=4]`."""
         chars = "" if self.max_chars is None else f"<={self.max_chars}"

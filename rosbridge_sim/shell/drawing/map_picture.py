@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.maps.extent import find_bulk, find_far_lanes
 from rosbridge_sim.maps.road_map import RoadMap, stripes_of
 from rosbridge_sim.records import Record
@@ -123,10 +123,8 @@ def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> str
         raise DocumentError(f"--picture: expected a file such as MAP.png or MAP.jpg; got {str(path)!r}")
     agents = [agent for agent in agents if agent.is_placed]
     image = _draw(road_map, agents)
-    try:
+    with file_errors(path, "written"):
         image.save(path, form, quality=QUALITY)  # PNG ignores the quality
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
     left_out = [name for names in _left_out(road_map.roads, agents) for name in names]
     return f"{path} leaves out what lies far from the rest: {listing(left_out)}" if left_out else ""
 

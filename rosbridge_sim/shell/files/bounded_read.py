@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 
 _FIRST_READ = 2**15
 """Size of the first read [bytes]: a first read of `max_bytes` would allocate that much for each of many small files."""
@@ -22,15 +22,12 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     Raises:
         DocumentError: it is no regular file, it cannot be read, or it is longer than `max_bytes`.
     """
-    try:
-        with open(path, "rb", opener=_open_at_once) as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise DocumentError(f"{path}: expected a file, got a pipe or a device; write its content to a file")
-            content = file.read(_FIRST_READ)
-            if len(content) == _FIRST_READ:
-                content += file.read(max_bytes + 1 - _FIRST_READ)
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
+    with file_errors(path, "read"), open(path, "rb", opener=_open_at_once) as file:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise DocumentError(f"{path}: expected a file, got a pipe or a device; write its content to a file")
+        content = file.read(_FIRST_READ)
+        if len(content) == _FIRST_READ:
+            content += file.read(max_bytes + 1 - _FIRST_READ)
     if len(content) > max_bytes:
         raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
     return content
@@ -46,19 +43,16 @@ def read_in_pieces(path: Path, max_bytes: int) -> Iterator[bytes]:
     Raises:
         DocumentError: as for `read_bounded`; a file that is too long is known before its first piece.
     """
-    try:
-        with open(path, "rb", opener=_open_at_once) as file:
-            status = os.fstat(file.fileno())
-            if not stat.S_ISREG(status.st_mode):
-                raise DocumentError(f"{path}: expected a file, got a pipe or a device; write its content to a file")
-            if status.st_size > max_bytes:
-                raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
-            left = max_bytes  # a file can grow
-            while left > 0 and (piece := file.read(min(PIECE, left))):
-                left -= len(piece)
-                yield piece
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
+    with file_errors(path, "read"), open(path, "rb", opener=_open_at_once) as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise DocumentError(f"{path}: expected a file, got a pipe or a device; write its content to a file")
+        if status.st_size > max_bytes:
+            raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
+        left = max_bytes  # a file can grow
+        while left > 0 and (piece := file.read(min(PIECE, left))):
+            left -= len(piece)
+            yield piece
 
 
 def _open_at_once(path: str, flags: int) -> int:

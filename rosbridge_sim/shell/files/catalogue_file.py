@@ -24,7 +24,7 @@ from msgspec import Meta, field
 
 from rosbridge_sim.document_reading import check_values
 from rosbridge_sim.documents import Document, DocumentType, Place, show_json
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
@@ -146,11 +146,8 @@ _EXAMPLES: Final = {
 
 
 def _read_text(path: Path) -> str:
-    try:
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_SIZE + 1)
-    except OSError as error:
-        raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
+    with file_errors(path, "read"), path.open("rb") as file:
+        content = file.read(MAX_FILE_SIZE + 1)
     if len(content) > MAX_FILE_SIZE:
         raise DocumentError(f"{path}: expected a catalogue; it is longer than {show_size(MAX_FILE_SIZE)}")
     try:

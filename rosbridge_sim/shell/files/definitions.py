@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.schema.definitions.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 
@@ -119,11 +119,8 @@ def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
 
 def _list_folder(folder: Path) -> dict[str, bool]:
     """Return name -> True if it is a folder, for all entries of a folder, sorted by name."""
-    try:
-        with os.scandir(folder) as entries:
-            return dict(sorted((entry.name, entry.is_dir()) for entry in entries))
-    except OSError as error:
-        raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
+    with file_errors(folder, "read"), os.scandir(folder) as entries:
+        return dict(sorted((entry.name, entry.is_dir()) for entry in entries))
 
 
 def _holds_definitions(folder: Path) -> bool:

@@ -19,7 +19,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from websockets.http11 import Request
 
-from rosbridge_sim.errors import DocumentError, Reason
+from rosbridge_sim.errors import DocumentError, Reason, file_errors
 from rosbridge_sim.graph.peers.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.records import Record
@@ -262,11 +262,8 @@ def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContex
             raise DocumentError(f"keyfile {keyfile}: expected a certfile beside it; got none")
         return None
     for path in (certfile, keyfile or certfile):
-        try:
-            with open(path, "rb"):  # noqa: PTH123 - the library below only says that one of the two is missing
-                pass
-        except OSError as error:
-            raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
+        with file_errors(path, "read"), open(path, "rb"):  # noqa: PTH123 - the library does not say which is missing
+            pass
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
         context.load_cert_chain(certfile, keyfile, password=_no_password)

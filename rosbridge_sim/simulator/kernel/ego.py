@@ -1,5 +1,7 @@
 """One ego as its clients see it: control mode, lamps, gear, and its state as a message.
 
+Lamps are those that its driver commands, and those that follow from pedals and gear.
+
 The world's row holds motion only. This module holds what MORAI adds to it, so a second ego is a second object with its
 own names.
 """
@@ -17,9 +19,10 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.morai.messages.convert import Converter
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, asdict
 from rosbridge_sim.simulator.kernel.odometry import Origin, move_origin
 from rosbridge_sim.world.drivers.lane_position import leave_lane
+from rosbridge_sim.world.followers.lamps import BRAKE, BRAKE_LIGHT_DECEL, LEFT, REVERSE, RIGHT
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state import commands, placement
@@ -142,6 +145,15 @@ class Ego:
         return Gear(self._world.gear.item(self.row))
 
     @property
+    def driver(self) -> str:
+        """What drives it: story, replay, self-driving, client or nobody."""
+        if self.moved_by:
+            return "story" if self.moved_by == "story" else "replay"
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS:
+            return "self-driving"
+        return "nobody" if self.commander is None else "client"
+
+    @property
     def lamps(self) -> tuple[int, int]:
         """Its turn and emergency signal."""
         return self.turn_signal, self.emergency_signal
@@ -196,17 +208,7 @@ class Ego:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.set_ctrl_mode(CtrlMode.EXTERNAL)
-        commands.command(
-            self._world,
-            self.row,
-            mode=control.mode,
-            steer=control.steer,
-            rear_steer=control.rear_steer,
-            throttle=control.throttle,
-            brake=control.brake,
-            speed=control.speed,
-            accel=control.accel,
-        )
+        commands.command(self._world, self.row, **asdict(control))
 
     def find_idle(self, control: Control) -> str | None:
         """Return why a control does not move the ego: it is in P or N. It is told once until the gear changes.
@@ -266,17 +268,8 @@ class Ego:
         """Place the ego, which is a jump for its odometry; a ghost that moves less than `GHOST_JUMP` does not jump."""
         before, was_ghost = self.pose, self._world.is_ghost.item(self.row)
         place = placement.place_ghost if is_ghost else placement.teleport
-        place(
-            self._world,
-            self.row,
-            x=pose.x,
-            y=pose.y,
-            z=pose.z,
-            yaw=pose.yaw,
-            speed=speed,
-            roll=pose.roll,
-            pitch=pose.pitch,
-        )
+        angles = {"roll": pose.roll, "pitch": pose.pitch, "yaw": pose.yaw}
+        place(self._world, self.row, x=pose.x, y=pose.y, z=pose.z, speed=speed, **angles)
         if not (is_ghost and was_ghost) or math.dist(before[:3], self.pose[:3]) > GHOST_JUMP:
             self.keep_odometry(before)
 
@@ -356,3 +349,25 @@ class Ego:
             self._refused_gear = gear
             _log.info("%s", why)
         return why
+
+
+_RIGHT_SIGNAL: Final = 2
+"""`turn_signal` of an ego that signals to the right."""
+
+
+def lamps_of(ego: Ego, world: World) -> int:
+    """Return the lamps of an ego that are lit, a sum of the bits of `world.followers.lamps`.
+
+    Args:
+        world: read only.
+    """
+    row = ego.row
+    is_braking = world.brake.item(row) > 0.0 or (
+        world.has_lane.item(row) and (world.speed.item(row) == 0.0 or world.accel.item(row) < -BRAKE_LIGHT_DECEL)
+    )
+    return (
+        LEFT * (ego.turn_signal == 1 or ego.emergency_signal == 1)
+        | RIGHT * (ego.turn_signal == _RIGHT_SIGNAL or ego.emergency_signal == 1)
+        | BRAKE * is_braking
+        | REVERSE * (world.gear.item(row) == Gear.REVERSE)
+    )

@@ -33,9 +33,8 @@ from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.kernel.ego import Ego, lamps_of
 from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
-from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as

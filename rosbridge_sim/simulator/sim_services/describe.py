@@ -15,7 +15,7 @@ from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
@@ -121,11 +121,7 @@ class Describe(Component):
             if behaviour != "ghost":
                 return behaviour, "simulator"
             return behaviour, "replay" if scene.is_replaying else "client"
-        if ego.moved_by:
-            return behaviour, "story" if ego.moved_by == "story" else "replay"
-        if ego.ctrl_mode is CtrlMode.AUTONOMOUS:
-            return behaviour, "self-driving"
-        return behaviour, "nobody" if ego.commander is None else "client"
+        return behaviour, ego.driver
 
     def _place(self, row: int) -> dict[str, Any]:
         """Return the fields of the place on the roads."""

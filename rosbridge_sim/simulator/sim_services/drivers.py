@@ -16,7 +16,7 @@ from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 
 DRIVERS: Final = "/sim/drivers"
@@ -86,13 +86,7 @@ class Drivers(Component):
 
     def _ego_values(self, ego: Ego) -> _EgoFields:
         client = "" if ego.commander is None else address_of(ego.commander)
-        if ego.moved_by:
-            driver = "story" if ego.moved_by == "story" else "replay"
-        elif ego.ctrl_mode is CtrlMode.AUTONOMOUS:
-            driver = "self-driving"
-        else:
-            driver = "client" if client else "nobody"
-        return ego.index, int(ego.ctrl_mode), int(ego.gear), driver, client, self._publishers(ego)
+        return ego.index, int(ego.ctrl_mode), int(ego.gear), ego.driver, client, self._publishers(ego)
 
     def _publishers(self, ego: Ego) -> tuple[str, ...]:
         """Return the addresses of the clients that advertise an ego's control."""

@@ -18,6 +18,7 @@ from typing import Any, Final
 from rosbridge_sim.graph.topics_services import Call, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.records import asdict
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -117,30 +118,8 @@ class Scores(Component):
         Args:
             numbers: by the id in the world, the number under which clients know an ego.
         """
-        return self._make_score(
-            index,
-            score.since,
-            score.distance,
-            score.num_collisions,
-            [numbers.get(uid, uid) for uid in score.contact_ids],
-            score.num_red_lights,
-            score.num_stop_lines,
-            score.num_lane_invasions,
-            score.off_road_time,
-            score.is_off_road,
-            _time(score.time_to_collision),
-            _time(score.min_time_to_collision),
-            score.lane_offset,
-            score.mean_lane_offset,
-            score.max_lane_offset,
-            score.jerk,
-            score.max_jerk,
-            score.rms_jerk,
-            score.lateral_accel,
-            score.max_lateral_accel,
-            score.rms_lateral_accel,
-        )
-
-
-def _time(time: float) -> float:
-    return time if math.isfinite(time) else NO_TIME
+        figures = asdict(score)  # in the order of the message
+        figures["contact_ids"] = [numbers.get(uid, uid) for uid in score.contact_ids]
+        for name in ("time_to_collision", "min_time_to_collision"):
+            figures[name] = figures[name] if math.isfinite(figures[name]) else NO_TIME
+        return self._make_score(index, *figures.values())
