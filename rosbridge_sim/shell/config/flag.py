@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import Any, TypeVar
 
-from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS, ValueType
+from rosbridge_sim.shell.config.value_types import FILE, PATTERNS, SECRET, SWITCH, URLS, ValueType
 
 T = TypeVar("T")
 
@@ -35,6 +35,14 @@ class FlagGroup:
     def switch(self, text: str, *, on: bool = False) -> bool:
         """Return a field that is True or False; `on` is its default."""
         return self.flag(on, SWITCH, text)
+
+    def several(self, text: str, kind: ValueType = PATTERNS) -> tuple[str, ...]:
+        """Return a field with any number of values; it has none by default."""
+        return self.flag((), kind, text)
+
+    def optional(self, text: str, kind: ValueType = FILE) -> Any:  # noqa: ANN401 - of the kind, or None
+        """Return a field that is None by default."""
+        return self.flag(None, kind, text)
 
     def choice(self, default: T, text: str, *, none: str = "") -> T:
         """Return a field with the words of its type, a `Literal`; the word `none` stands for None."""

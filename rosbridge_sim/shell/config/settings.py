@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal, cast
 from rosbridge_sim.shell.config.flag import FlagGroup
 from rosbridge_sim.shell.config.value_types import (
     ASSIGNMENTS,
-    FILE,
     FOLDER_TYPE,
     FOLDERS,
     FRAMES,
@@ -21,7 +20,6 @@ from rosbridge_sim.shell.config.value_types import (
     NAMESPACE,
     NODE_NAME,
     ORIGINS,
-    PATTERNS,
     QUALITIES,
     SECRET,
     URLS,
@@ -72,11 +70,11 @@ class Settings:
         "address to listen on; 0.0.0.0 is every IPv4 address of this machine",
     )
     port: int = _LISTEN.flag(9090, whole_number(0, 65_535), "TCP port to listen on; 0 takes a free one")
-    certfile: str | None = _LISTEN.flag(None, FILE, "TLS certificate (PEM); clients then connect to wss://")
-    keyfile: str | None = _LISTEN.flag(None, FILE, "private key (PEM) of --certfile, if that file does not contain it")
+    certfile: str | None = _LISTEN.optional("TLS certificate (PEM); clients then connect to wss://")
+    keyfile: str | None = _LISTEN.optional("private key (PEM) of --certfile, if that file does not contain it")
 
-    port_file: str | None = _LISTEN.flag(
-        None, FILE, "write the port into this file once the server listens, and remove it at the end; for --port 0"
+    port_file: str | None = _LISTEN.optional(
+        "write the port into this file once the server listens, and remove it at the end; for --port 0"
     )
     listen: bool = _LISTEN.switch(
         "accept clients on --port; with --no-listen the simulator is reachable through --attach only", on=True
@@ -84,16 +82,13 @@ class Settings:
 
     page: bool = _LISTEN.switch("serve a web page at http://HOST:PORT/ that shows and controls the simulation", on=True)
     open: bool = _LISTEN.switch("open that page in a browser at the start")
-    page_frame_ancestors: tuple[str, ...] = _LISTEN.flag(
-        (),
-        FRAMES,
+    page_frame_ancestors: tuple[str, ...] = _LISTEN.several(
         "web pages that may show that page in a frame, such as https://school.example; repeatable; without it none",
+        FRAMES,
     )
 
-    attach: tuple[str, ...] = _ATTACH.flag(
-        (),
-        URLS,
-        "connect to this rosbridge as a client and offer the simulator's topics and services there; repeatable",
+    attach: tuple[str, ...] = _ATTACH.several(
+        "connect to this rosbridge as a client and offer the simulator's topics and services there; repeatable", URLS
     )
     attach_sockets: Literal["one", "per-topic"] = _ATTACH.choice(
         "one",
@@ -108,11 +103,10 @@ class Settings:
         10.0, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
     )
 
-    ros2_domain: int | None = _ROS2.flag(
-        None,
-        or_none(whole_number(0, 232), "none"),
+    ros2_domain: int | None = _ROS2.optional(
         "join this domain of ROS 2 (ROS_DOMAIN_ID) as a node, without an installation of ROS; needs the extra"
         " rosbridge-sim[ros2]",
+        or_none(whole_number(0, 232), "none"),
     )
     ros2_through: Literal["auto", "dds", "rclpy"] = _ROS2.choice(
         "auto",
@@ -125,26 +119,21 @@ class Settings:
     ros2_namespace: str = _ROS2.flag(
         "", NAMESPACE, "namespace of the node and of all its topics, such as /sim1; none by default"
     )
-    ros2_topics: tuple[str, ...] = _ROS2.flag(
-        (),
-        PATTERNS,
-        "topics that pass between ROS 2 and this server, such as /tf*; without it all that clients may use; repeatable",
+    ros2_topics: tuple[str, ...] = _ROS2.several(
+        "topics that pass between ROS 2 and this server, such as /tf*; without it all that clients may use; repeatable"
     )
-    ros2_services: tuple[str, ...] = _ROS2.flag(
-        (),
-        PATTERNS,
+    ros2_services: tuple[str, ...] = _ROS2.several(
         "services and actions of this server that nodes may use, through rclpy; without it all that clients may use,"
-        " and with --ros2-discovery multicast only those of clients; repeatable",
+        " and with --ros2-discovery multicast only those of clients; repeatable"
     )
     ros2_discovery: Literal["localhost", "multicast"] = _ROS2.choice(
         "localhost",
         "where nodes are looked for: on this machine alone, so that no packet leaves it, or in the whole network",
     )
-    ros2_qos: tuple[str, ...] = _ROS2.flag(
-        (),
-        QUALITIES,
+    ros2_qos: tuple[str, ...] = _ROS2.several(
         "quality of service of this server's publishers whose topics match the pattern, such as '/imu=sensor_data';"
         " the first that matches; default is reliable and 10 messages, transient_local for latched topics; repeatable",
+        QUALITIES,
     )
     ros2_wait_for_command: bool = _ROS2.switch(
         "lock step in real time: each frame waits for a command with the header.stamp of its /clock or, without a"
@@ -155,19 +144,16 @@ class Settings:
     )
     ros2_without_token: bool = _ROS2.switch("allow --ros2-domain beside --token: DDS asks nobody for a token")
 
-    ros1_master: str | None = _ROS1.flag(
-        None,
-        MASTER,
+    ros1_master: str | None = _ROS1.optional(
         "join the graph of this master of ROS 1 as a node, without an installation of ROS; env takes ROS_MASTER_URI",
+        MASTER,
     )
     ros1_name: str = _ROS1.flag("/rosbridge_sim", NODE_NAME, "name of the node; two nodes cannot have the same")
     ros1_namespace: str = _ROS1.flag(
         "", NAMESPACE, "namespace of the node and of all its topics and services, such as /sim1; none by default"
     )
-    ros1_topics: tuple[str, ...] = _ROS1.flag(
-        (),
-        PATTERNS,
-        "topics that pass between ROS 1 and this server, such as /tf*; without it all that clients may use; repeatable",
+    ros1_topics: tuple[str, ...] = _ROS1.several(
+        "topics that pass between ROS 1 and this server, such as /tf*; without it all that clients may use; repeatable"
     )
     ros1_host: str = _ROS1.flag(
         "127.0.0.1",
@@ -176,106 +162,93 @@ class Settings:
     )
     ros1_without_token: bool = _ROS1.switch("allow --ros1-master beside --token: ROS 1 asks nobody for a token")
 
-    token: str | None = _ACCESS.flag(
-        None,
-        SECRET,
+    token: str | None = _ACCESS.optional(
         "token required from clients; set it in the environment or in the settings file to keep it out of the list of"
         " processes",
+        SECRET,
     )
-    allow_origin: tuple[str, ...] = _ACCESS.flag(
-        (),
-        ORIGINS,
+    allow_origin: tuple[str, ...] = _ACCESS.several(
         "web pages that may connect, in addition to those of localhost and of the server's own address, such as"
         " https://*.example.org; repeatable",
+        ORIGINS,
     )
-    allow_host: tuple[str, ...] = _ACCESS.flag(
-        (),
-        HOSTS,
+    allow_host: tuple[str, ...] = _ACCESS.several(
         "host names by which web pages may address the server, and by which /metrics, /map.json, /log.json and"
         " /version are told without a token, in addition to localhost, IP addresses and its own name; repeatable",
+        HOSTS,
     )
-    allow_publish: tuple[str, ...] = _ACCESS.flag(
-        (), PATTERNS, "topics that clients may publish, such as /a/*; without it all; repeatable"
+    allow_publish: tuple[str, ...] = _ACCESS.several(
+        "topics that clients may publish, such as /a/*; without it all; repeatable"
     )
-    deny_publish: tuple[str, ...] = _ACCESS.flag(
-        (), PATTERNS, "topics that clients may not publish, even if --allow-publish has them; repeatable"
+    deny_publish: tuple[str, ...] = _ACCESS.several(
+        "topics that clients may not publish, even if --allow-publish has them; repeatable"
     )
-    allow_subscribe: tuple[str, ...] = _ACCESS.flag(
-        (), PATTERNS, "topics that clients may subscribe to; without it all; repeatable"
+    allow_subscribe: tuple[str, ...] = _ACCESS.several(
+        "topics that clients may subscribe to; without it all; repeatable"
     )
-    deny_subscribe: tuple[str, ...] = _ACCESS.flag((), PATTERNS, "topics that clients may not subscribe to; repeatable")
-    allow_service: tuple[str, ...] = _ACCESS.flag(
-        (),
-        PATTERNS,
-        "services and actions that clients may call and offer; without it all; /rosapi/* is always allowed; repeatable",
+    deny_subscribe: tuple[str, ...] = _ACCESS.several("topics that clients may not subscribe to; repeatable")
+    allow_service: tuple[str, ...] = _ACCESS.several(
+        "services and actions that clients may call and offer; without it all; /rosapi/* is always allowed; repeatable"
     )
-    deny_service: tuple[str, ...] = _ACCESS.flag(
-        (), PATTERNS, "services and actions that clients may neither call nor offer; repeatable"
+    deny_service: tuple[str, ...] = _ACCESS.several(
+        "services and actions that clients may neither call nor offer; repeatable"
     )
-    allow_param: tuple[str, ...] = _ACCESS.flag(
-        (), PATTERNS, "parameters that clients may read and write; without it all; repeatable"
+    allow_param: tuple[str, ...] = _ACCESS.several(
+        "parameters that clients may read and write; without it all; repeatable"
     )
-    deny_param: tuple[str, ...] = _ACCESS.flag(
-        (), PATTERNS, "parameters that clients may neither read nor write; repeatable"
-    )
+    deny_param: tuple[str, ...] = _ACCESS.several("parameters that clients may neither read nor write; repeatable")
     max_clients: int | None = _ACCESS.flag(1_000, or_none(whole_number(1, 1_000_000), "none"), "most clients at once")
     max_strangers: int = _ACCESS.flag(
         100,
         whole_number(1, 100_000),
         "most connections at once that have not shown the token yet; the oldest one is closed for a new one",
     )
-    max_rate: int | None = _ACCESS.flag(
-        None, or_none(whole_number(1, 1_000_000), "none"), "most frames a second from one client, after a burst"
+    max_rate: int | None = _ACCESS.optional(
+        "most frames a second from one client, after a burst", or_none(whole_number(1, 1_000_000), "none")
     )
     max_held: int = _ACCESS.flag(
         10_000, whole_number(1, 1_000_000), "most subscriptions, advertisements and services of one client"
     )
     max_calls: int = _ACCESS.flag(1_000, whole_number(1, 1_000_000), "most calls and goals of one client in flight")
 
-    mock: str | None = _MOCK.flag(
-        None, FILE, "file of a mock (YAML) that is run in place of the world; rosbridge-sim mock run FILE is the same"
+    mock: str | None = _MOCK.optional(
+        "file of a mock (YAML) that is run in place of the world; rosbridge-sim mock run FILE is the same"
     )
-    control_port: int | None = _MOCK.flag(
-        None,
-        or_none(whole_number(0, 65_535), "none"),
+    control_port: int | None = _MOCK.optional(
         "second port, on 127.0.0.1, whose clients no fault of the mock touches; 0 takes a free one",
+        or_none(whole_number(0, 65_535), "none"),
     )
-    hook: str | None = _MOCK.flag(
-        None,
-        or_none(text_of("a function of a module", "MODULE:FUNCTION"), "none"),
+    hook: str | None = _MOCK.optional(
         "Python function that may change the values of a mock's messages and responses",
+        or_none(text_of("a function of a module", "MODULE:FUNCTION"), "none"),
     )
 
     world: bool = _WORLD.switch("run the simulator; with --no-world this is a rosbridge server alone", on=True)
     scenario: str = _WORLD.flag(
         "demo", text_of("a scenario's name or file", "NAME|FILE"), "scenario that is loaded at the start"
     )
-    map: str | None = _WORLD.flag(
-        None,
-        or_none(text_of("a map's name, folder or .xodr file", "NAME|DIR|FILE"), "none"),
+    map: str | None = _WORLD.optional(
         "map that replaces the map of every scenario",
+        or_none(text_of("a map's name, folder or .xodr file", "NAME|DIR|FILE"), "none"),
     )
-    signal_plan: str | None = _WORLD.flag(
-        None, FILE, "phases of the traffic lights of the map, JSON; see the guide Roads in OpenDRIVE"
+    signal_plan: str | None = _WORLD.optional(
+        "phases of the traffic lights of the map, JSON; see the guide Roads in OpenDRIVE"
     )
-    scenario_path: tuple[str, ...] = _WORLD.flag((), FOLDERS, "folder with scenarios that clients may load; repeatable")
-    param: tuple[str, ...] = _WORLD.flag(
-        (), ASSIGNMENTS, "value of a parameter of the scenario, of a file of OpenSCENARIO (*.xosc); repeatable"
+    scenario_path: tuple[str, ...] = _WORLD.several("folder with scenarios that clients may load; repeatable", FOLDERS)
+    param: tuple[str, ...] = _WORLD.several(
+        "value of a parameter of the scenario, of a file of OpenSCENARIO (*.xosc); repeatable", ASSIGNMENTS
     )
-    ego_entity: str | None = _WORLD.flag(
-        None,
-        or_none(text_of("the name of an entity", "NAME", "str"), "none"),
+    ego_entity: str | None = _WORLD.optional(
         "entity of a *.xosc that is the ego; without it one named Ego, hero or ego_vehicle, else the first vehicle",
+        or_none(text_of("the name of an entity", "NAME", "str"), "none"),
     )
     ego: Literal["program", "story"] = _WORLD.choice(
         "program", "who drives the ego of a *.xosc: the user's program, or what the file asks for"
     )
     lenient: bool = _WORLD.switch("leave out what a *.xosc asks for and is not supported, and run the rest")
-    catalogue: str | None = _WORLD.flag(
-        None,
-        FILE,
+    catalogue: str | None = _WORLD.optional(
         "your table of models, *.toml or *.csv, searched before the built-in one; columns: DataID, name, class,"
-        " length, width, height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]",
+        " length, width, height, wheelbase, rear_overhang [m], max_steer [deg], mass [kg]"
     )
     data_dir: str = _WORLD.flag(
         "SaveFile",
@@ -350,11 +323,10 @@ class Settings:
     traffic_wander: bool = _WORLD.switch(
         "vehicles of --traffic wander a little within their lane, as drivers do; off: they keep to its line", on=True
     )
-    turn_shares: str | None = _WORLD.flag(
-        None,
-        or_none(shares("LEFT,STRAIGHT,RIGHT"), "none"),
+    turn_shares: str | None = _WORLD.optional(
         "how often drivers without a route turn, for example 1,2,1 for half of them straight on; none: all lanes that"
         " follow are equally likely",
+        or_none(shares("LEFT,STRAIGHT,RIGHT"), "none"),
     )
     score: bool = _WORLD.switch(
         "keep scores of the egos from frame 0 on, not only after the first request for /sim/score"
@@ -405,13 +377,11 @@ class Settings:
     object_size_order: Literal["width-length-height", "length-width-height"] | None = _FACE.choice(
         None, "meaning of x, y, z of an object's size", none="profile"
     )
-    object_limit: int | None = _FACE.flag(
-        None,
-        or_none(whole_number(0, 1_000_000), "profile"),
-        "most objects that are published, the nearest ones; 0 is all",
+    object_limit: int | None = _FACE.optional(
+        "most objects that are published, the nearest ones; 0 is all", or_none(whole_number(0, 1_000_000), "profile")
     )
-    object_range: float | None = _FACE.flag(
-        None, metres(1_000_000), "only objects within this distance of the ego are published; none or 0 is all"
+    object_range: float | None = _FACE.optional(
+        "only objects within this distance of the ego are published; none or 0 is all", metres(1_000_000)
     )
     object_velocity_unit: Literal["km/h", "m/s"] | None = _FACE.choice(
         None, "unit of objects' velocity", none="profile"
@@ -429,10 +399,8 @@ class Settings:
     sync_frames: Literal["lenient", "strict"] = _SYNC.choice(
         "lenient", "frames that a tick may name: any, or only the next one"
     )
-    sync_lease: float | None = _SYNC.flag(
-        None,
-        seconds(_DAY),
-        "seconds without a call after which the master is considered lost; a closed connection always is",
+    sync_lease: float | None = _SYNC.optional(
+        "seconds without a call after which the master is considered lost; a closed connection always is", seconds(_DAY)
     )
     sync_on_loss: Literal["run", "pause", "wait"] = _SYNC.choice(
         "run", "after the master is lost, run in real time, pause, or wait for a new master"
@@ -443,15 +411,15 @@ class Settings:
         "Literal[1, 2]",
         _TYPES.flag(1, whole_number(1, 2, "1|2"), "ROS generation of type names, times and serialised bytes"),
     )
-    schema_path: tuple[str, ...] = _TYPES.flag(
-        (), FOLDERS, "folder with ROS packages (PACKAGE/msg/*.msg) to read; repeatable"
+    schema_path: tuple[str, ...] = _TYPES.several(
+        "folder with ROS packages (PACKAGE/msg/*.msg) to read; repeatable", FOLDERS
     )
     strict_types: bool = _TYPES.switch(
         "refuse types of unknown packages; otherwise their messages are relayed unchecked"
     )
 
-    service_timeout: float | None = _WIRE.flag(
-        None, seconds(_DAY), "longest wait for the answer of a client's service, for calls that name no timeout"
+    service_timeout: float | None = _WIRE.optional(
+        "longest wait for the answer of a client's service, for calls that name no timeout", seconds(_DAY)
     )
     max_frame_size: int = _WIRE.flag(
         16 * 2**20, size(1024, _GIB), "longest frame; a longer one closes the connection (code 1009)"
@@ -472,11 +440,10 @@ class Settings:
         size(2**20, 64 * _GIB),
         "most memory held for one client: throttle queues, latched messages, calls in flight, parts of frames",
     )
-    memory_budget: int | None = _WIRE.flag(
-        None,
-        or_none(size(2**20, 1024 * _GIB), "auto"),
+    memory_budget: int | None = _WIRE.optional(
         "most memory held for all clients together; beyond it the client that holds most is closed; auto is half of"
         " the memory of the machine or container",
+        or_none(size(2**20, 1024 * _GIB), "auto"),
     )
     ping_interval: float | None = _WIRE.flag(20.0, seconds(_DAY), "seconds between two pings")
     ping_timeout: float | None = _WIRE.flag(
@@ -485,13 +452,11 @@ class Settings:
     compression: bool = _WIRE.switch("compress messages (permessage-deflate) for clients that offer it")
     status: bool = _WIRE.switch("send status frames to clients", on=True)
 
-    record: str | None = _RECORD.flag(
-        None, FILE, "record into this bag: NAME.bag is ROS 1, NAME.mcap ROS 2, any other name a folder of ROS 2"
+    record: str | None = _RECORD.optional(
+        "record into this bag: NAME.bag is ROS 1, NAME.mcap ROS 2, any other name a folder of ROS 2"
     )
-    record_topics: tuple[str, ...] = _RECORD.flag(
-        (),
-        PATTERNS,
-        "topics to record, such as /a/*; without it those of the simulator, its commands included; repeatable",
+    record_topics: tuple[str, ...] = _RECORD.several(
+        "topics to record, such as /a/*; without it those of the simulator, its commands included; repeatable"
     )
 
     log_level: Literal["debug", "info", "warning", "error"] = _LOG.choice("info", "lowest level of log lines on stderr")
@@ -499,8 +464,7 @@ class Settings:
         "text", "lines for people, or one JSON object a line with the date in UTC"
     )
     quiet_clients: bool = _LOG.switch("leave mistakes of clients out of the log")
-    config: str | None = _LOG.flag(
-        None,
-        text_of("a TOML file", "FILE.toml"),
+    config: str | None = _LOG.optional(
         "settings file; keys are the names of flags, paths are relative to its folder",
+        text_of("a TOML file", "FILE.toml"),
     )

@@ -12,7 +12,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 from urllib.parse import urlsplit
 
 from rosbridge_sim.graph.gateway.quality import PROFILES, read_choice
@@ -102,20 +102,25 @@ def _number_of(value: object, as_type: type[int | float]) -> float:
     return number
 
 
+def _within(low: float, high: float, as_type: type[int | float] = float) -> Callable[[object], Any]:
+    """Return a function that reads a number within limits."""
+
+    def read(value: object) -> int | float:
+        number = as_type(_number_of(value, as_type))
+        if not low <= number <= high:
+            raise ValueError
+        return number
+
+    return read
+
+
 def whole_number(low: int, high: int, sign: str = "N") -> ValueType:
     """Return the type of a whole number within limits.
 
     Args:
         sign: placeholder in `--help`.
     """
-
-    def read(value: object) -> int:
-        number = int(_number_of(value, int))
-        if not low <= number <= high:
-            raise ValueError
-        return number
-
-    return ValueType(f"a whole number from {low:,} to {high:,}", read, sign)
+    return ValueType(f"a whole number from {low:,} to {high:,}", _within(low, high, int), sign)
 
 
 def seconds(high: float) -> ValueType:
@@ -137,13 +142,10 @@ def metres(high: float) -> ValueType:
 
 
 def _up_to(high: float, unit: str) -> ValueType:
+    read_number = _within(0, high)
+
     def read(value: object) -> float | None:
-        if value is None or _is_word(value, "none", "off"):
-            return None
-        number = float(_number_of(value, float))
-        if not 0 <= number <= high:
-            raise ValueError
-        return number or None
+        return None if value is None or _is_word(value, "none", "off") else read_number(value) or None
 
     return ValueType(f"{unit} up to {high:,g}, or none", read, unit.upper())
 
@@ -155,14 +157,7 @@ def period(low: float, high: float) -> ValueType:
         low: smallest value [s].
         high: largest value [s].
     """
-
-    def read(value: object) -> float:
-        number = float(_number_of(value, float))
-        if not low <= number <= high:
-            raise ValueError
-        return number
-
-    return ValueType(f"seconds from {low:g} to {high:,g}", read, "SECONDS")
+    return ValueType(f"seconds from {low:g} to {high:,g}", _within(low, high), "SECONDS")
 
 
 def factor(low: float, high: float) -> ValueType:
