@@ -1,8 +1,8 @@
 """Models of documents of the user: their base classes, the spelling of numbers, and their keys.
 
 Scenario, map, sensor, campaign and catalogue files share this module. A field has a type with marks (`Annotated` with
-msgspec's `Meta`): bounds, a description, and under `extra` the function that reads other spellings. `document_reading`
-reads documents by these models, `document_mistakes` words their mistakes.
+msgspec's `Meta`, which `about` makes): a description, bounds, and under `extra` the function that reads other
+spellings. `document_reading` reads documents by these models, `document_mistakes` words their mistakes.
 """
 
 from __future__ import annotations
@@ -50,6 +50,11 @@ MAX_DOCUMENT_COORDINATE = 1e8
 
 # 1234.5, -1,234.5, .5, 1e-05; a comma only between thousands: "12,5" has two meanings and is refused.
 _NUMBER = re.compile(r"[+-]?(\d{1,3}(,\d{3})+|\d+)?(\.\d*)?([eE][+-]?\d{1,3})?")
+
+
+def about(text: str, **marks: Any) -> Meta:  # noqa: ANN401 - those of `Meta`
+    """Return the marks of a field: its description, then bounds, and functions under `extra`."""
+    return Meta(description=text, **marks)
 
 
 class Document(msgspec.Struct, frozen=True, kw_only=True):

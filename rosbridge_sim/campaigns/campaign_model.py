@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta, field
 
 from rosbridge_sim.document_reading import document_schema, read_values
-from rosbridge_sim.documents import DocumentType, Table
+from rosbridge_sim.documents import DocumentType, Table, about
 from rosbridge_sim.loose_types import JsonValue
 
 MAX_RUNS: Final = 100_000
@@ -79,13 +79,12 @@ class ParameterItem(Table, frozen=True, kw_only=True):
     """Values of a parameter: a list, or a range."""
 
     values: Annotated[
-        Annotated[list[ParameterValue], Meta(min_length=1, max_length=MAX_RUNS)] | None,
-        Meta(description="the values themselves"),
+        Annotated[list[ParameterValue], Meta(min_length=1, max_length=MAX_RUNS)] | None, about("the values themselves")
     ] = None
-    low: Annotated[float | None, Meta(description="least value of a range")] = None
-    high: Annotated[float | None, Meta(description="greatest value of a range")] = None
-    num: Annotated[_Many | None, Meta(description="values of the range in a grid, both ends among them")] = None
-    whole: Annotated[bool, Meta(description="values of the range are rounded to whole numbers")] = False
+    low: Annotated[float | None, about("least value of a range")] = None
+    high: Annotated[float | None, about("greatest value of a range")] = None
+    num: Annotated[_Many | None, about("values of the range in a grid, both ends among them")] = None
+    whole: Annotated[bool, about("values of the range are rounded to whole numbers")] = False
 
     def __post_init__(self) -> None:
         """Check that the keys fit each other."""
@@ -105,51 +104,39 @@ ParameterChoice = ParameterItem | list[ParameterValue]
 class DriverItem(Table, frozen=True, kw_only=True):
     """One way to drive the ego. Exactly one of `own`, `python`, `policy` and `command` is given."""
 
-    own: Annotated[
-        Literal["lanes"] | None, Meta(description="our own driver, which follows the lanes and the rules")
-    ] = None
+    own: Annotated[Literal["lanes"] | None, about("our own driver, which follows the lanes and the rules")] = None
     python: Annotated[
-        _Text | None,
-        Meta(description="`FILE.py:NAME` or `package.module:NAME`: a function of an observation, or a class of such"),
+        _Text | None, about("`FILE.py:NAME` or `package.module:NAME`: a function of an observation, or a class of such")
     ] = None
     policy: Annotated[
         _Text | None,
-        Meta(
-            description="the same: a function from the observation of `rosbridge_sim/LaneKeeping-v1` to its action;"
+        about(
+            "the same: a function from the observation of `rosbridge_sim/LaneKeeping-v1` to its action;"
             " needs the extra `gym`, too"
         ),
     ] = None
     command: Annotated[
         Annotated[list[_Text], Meta(min_length=1, max_length=100)] | None,
-        Meta(
-            description="a program and its arguments; `{url}`, `{seconds}`, `{seed}`, `{run}` and parameters are filled"
+        about(
+            "a program and its arguments; `{url}`, `{seconds}`, `{seed}`, `{run}` and parameters are filled"
             " in; the variable ROSBRIDGE_SIM_URL has the URL, too"
         ),
     ] = None
-    speed: Annotated[_Speed | None, Meta(description="of `own`: speed that it wants [m/s]; none for the limits")] = None
-    every: Annotated[_Frames, Meta(description="frames of 20 ms between two decisions; of `python` and `policy`")] = 5
+    speed: Annotated[_Speed | None, about("of `own`: speed that it wants [m/s]; none for the limits")] = None
+    every: Annotated[_Frames, about("frames of 20 ms between two decisions; of `python` and `policy`")] = 5
     batch: Annotated[
-        int,
-        Meta(
-            ge=0,
-            le=1024,
-            description="of `python`: worlds that are driven at once with arrays of (n,); 0: one, numbers",
-        ),
+        int, about("of `python`: worlds that are driven at once with arrays of (n,); 0: one, numbers", ge=0, le=1024)
     ] = 0
     real_time: Annotated[
         bool,
-        Meta(
-            description="of `command`: the world runs in real time from the moment at which the program connects, for"
+        about(
+            "of `command`: the world runs in real time from the moment at which the program connects, for"
             " programs that cannot tick"
         ),
     ] = False
-    timeout: Annotated[
-        float, Meta(gt=0.0, le=86_400.0, description="longest time of a drive on the wall clock [s]")
-    ] = 120.0
-    memory_mb: Annotated[int, Meta(ge=64, le=1_000_000, description="most memory of each process that drives [MB]")] = (
-        8_192
-    )
-    environment: Annotated[dict[str, _Text], Meta(max_length=100, description="of `command`: variables")] = field(
+    timeout: Annotated[float, about("longest time of a drive on the wall clock [s]", gt=0.0, le=86_400.0)] = 120.0
+    memory_mb: Annotated[int, about("most memory of each process that drives [MB]", ge=64, le=1_000_000)] = 8_192
+    environment: Annotated[dict[str, _Text], about("of `command`: variables", max_length=100)] = field(
         default_factory=dict
     )
 
@@ -182,26 +169,22 @@ class DriverItem(Table, frozen=True, kw_only=True):
 class Place(Table, frozen=True, kw_only=True):
     """A place that the ego must reach."""
 
-    x: Annotated[float, Meta(description="east [m]")]
-    y: Annotated[float, Meta(description="north [m]")]
-    radius: Annotated[float, Meta(gt=0.0, description="the ego is there within it [m]")] = 5.0
-    within: Annotated[_Positive | None, Meta(description="latest time [s]; none for the end of the drive")] = None
+    x: Annotated[float, about("east [m]")]
+    y: Annotated[float, about("north [m]")]
+    radius: Annotated[float, about("the ego is there within it [m]", gt=0.0)] = 5.0
+    within: Annotated[_Positive | None, about("latest time [s]; none for the end of the drive")] = None
 
 
 class LimitItem(Table, frozen=True, kw_only=True):
     """A limit of the user's own: an expression, or a Python function."""
 
-    always: Annotated[
-        _Text | None, Meta(description="an expression that must hold in every frame that has a value")
-    ] = None
-    end: Annotated[_Text | None, Meta(description="an expression that must hold in the last frame")] = None
+    always: Annotated[_Text | None, about("an expression that must hold in every frame that has a value")] = None
+    end: Annotated[_Text | None, about("an expression that must hold in the last frame")] = None
     python: Annotated[
         _Text | None,
-        Meta(
-            description="`FILE.py:NAME`: a function of the trace that returns None, or a text that says what is wrong"
-        ),
+        about("`FILE.py:NAME`: a function of the trace that returns None, or a text that says what is wrong"),
     ] = None
-    after: Annotated[float, Meta(ge=0.0, description="of `always`: from this time on [s]")] = 0.0
+    after: Annotated[float, about("of `always`: from this time on [s]", ge=0.0)] = 0.0
 
     def __post_init__(self) -> None:
         """Check that the keys fit each other."""
@@ -212,18 +195,18 @@ class LimitItem(Table, frozen=True, kw_only=True):
 class LimitsItem(Table, frozen=True, kw_only=True):
     """Limits of the scores, and the user's own."""
 
-    collisions: Annotated[_Count | None, Meta(description="most collisions")] = None
-    red_lights: Annotated[_Count | None, Meta(description="most red lights that were passed")] = None
-    stop_lines: Annotated[_Count | None, Meta(description="most stop lines that were passed without a stop")] = None
-    lane_invasions: Annotated[_Count | None, Meta(description="most changes of lane")] = None
-    off_road: Annotated[_NotNegative | None, Meta(description="longest time off the road, all together [s]")] = None
-    lane_error: Annotated[_NotNegative | None, Meta(description="greatest offset from the lane's line [m]")] = None
-    time_to_collision: Annotated[_NotNegative | None, Meta(description="least time to collision [s]")] = None
-    jerk: Annotated[_NotNegative | None, Meta(description="greatest jerk [m/s^3]")] = None
-    lateral_accel: Annotated[_NotNegative | None, Meta(description="greatest lateral acceleration [m/s^2]")] = None
-    distance: Annotated[_NotNegative | None, Meta(description="least distance driven at the end [m]")] = None
-    arrival: Annotated[Place | None, Meta(description="a place that the ego must reach")] = None
-    own: Annotated[dict[_Name, LimitItem], Meta(max_length=MAX_NAMES, description="your own limits, by name")] = field(
+    collisions: Annotated[_Count | None, about("most collisions")] = None
+    red_lights: Annotated[_Count | None, about("most red lights that were passed")] = None
+    stop_lines: Annotated[_Count | None, about("most stop lines that were passed without a stop")] = None
+    lane_invasions: Annotated[_Count | None, about("most changes of lane")] = None
+    off_road: Annotated[_NotNegative | None, about("longest time off the road, all together [s]")] = None
+    lane_error: Annotated[_NotNegative | None, about("greatest offset from the lane's line [m]")] = None
+    time_to_collision: Annotated[_NotNegative | None, about("least time to collision [s]")] = None
+    jerk: Annotated[_NotNegative | None, about("greatest jerk [m/s^3]")] = None
+    lateral_accel: Annotated[_NotNegative | None, about("greatest lateral acceleration [m/s^2]")] = None
+    distance: Annotated[_NotNegative | None, about("least distance driven at the end [m]")] = None
+    arrival: Annotated[Place | None, about("a place that the ego must reach")] = None
+    own: Annotated[dict[_Name, LimitItem], about("your own limits, by name", max_length=MAX_NAMES)] = field(
         default_factory=dict
     )
 
@@ -231,24 +214,24 @@ class LimitsItem(Table, frozen=True, kw_only=True):
 class SearchItem(Table, frozen=True, kw_only=True):
     """A search for the worst parameters, in place of a grid."""
 
-    worst: Annotated[
-        _Text, Meta(description="an expression over the scores of a run; the least value is the worst")
-    ] = "min_time_to_collision"
-    budget: Annotated[int, Meta(ge=4, le=MAX_RUNS, description="most runs of each scenario, seed and driver")] = 100
-    seed: Annotated[int, Meta(ge=1, le=2**31, description="of the search's own chance")] = 1
-    stop_at_failure: Annotated[bool, Meta(description="end the search after the first batch with a failed run")] = False
+    worst: Annotated[_Text, about("an expression over the scores of a run; the least value is the worst")] = (
+        "min_time_to_collision"
+    )
+    budget: Annotated[int, about("most runs of each scenario, seed and driver", ge=4, le=MAX_RUNS)] = 100
+    seed: Annotated[int, about("of the search's own chance", ge=1, le=2**31)] = 1
+    stop_at_failure: Annotated[bool, about("end the search after the first batch with a failed run")] = False
 
 
 class OutputItem(Table, frozen=True, kw_only=True):
     """Files that are kept of the runs."""
 
-    keep: Annotated[
-        Literal["failures", "all", "none"], Meta(description="of which runs traces, logs and recordings are kept")
-    ] = "failures"
+    keep: Annotated[Literal["failures", "all", "none"], about("of which runs traces, logs and recordings are kept")] = (
+        "failures"
+    )
     record: Annotated[
-        bool, Meta(description="of `command`: also record the simulator's topics into drive.mcap, for those runs")
+        bool, about("of `command`: also record the simulator's topics into drive.mcap, for those runs")
     ] = False
-    quota_mb: Annotated[int, Meta(ge=1, le=10_000_000, description="most of these files together [MB]")] = 2_000
+    quota_mb: Annotated[int, about("most of these files together [MB]", ge=1, le=10_000_000)] = 2_000
 
 
 class CampaignDocument(Table, frozen=True, kw_only=True):
@@ -256,45 +239,43 @@ class CampaignDocument(Table, frozen=True, kw_only=True):
 
     scenario: Annotated[
         str | list[str],
-        Meta(extra={"read": _read_scenarios}, description="name of a built-in scenario or a file; or a list of them"),
+        about("name of a built-in scenario or a file; or a list of them", extra={"read": _read_scenarios}),
     ]
-    seconds: Annotated[_Seconds, Meta(description="simulated time of a drive [s]")] = 20.0
-    end_when: Annotated[_Text | None, Meta(description="an expression that ends a drive earlier")] = None
+    seconds: Annotated[_Seconds, about("simulated time of a drive [s]")] = 20.0
+    end_when: Annotated[_Text | None, about("an expression that ends a drive earlier")] = None
     skip_when: Annotated[
-        _Text | None, Meta(description="an expression over parameters and `seed`: runs for which it holds are skipped")
+        _Text | None, about("an expression over parameters and `seed`: runs for which it holds are skipped")
     ] = None
     seeds: Annotated[
         int | list[int],
-        Meta(extra={"read": _read_seeds}, description="seeds of the simulation: a list, or a number n for 0 to n - 1"),
+        about("seeds of the simulation: a list, or a number n for 0 to n - 1", extra={"read": _read_seeds}),
     ] = 1
-    repeat: Annotated[
-        int, Meta(ge=1, le=20, description="drives of each run; if their verdicts differ, the run is flaky")
-    ] = 1
+    repeat: Annotated[int, about("drives of each run; if their verdicts differ, the run is flaky", ge=1, le=20)] = 1
     sampling: Annotated[
         Literal["grid", "random", "latin hypercube", "list"],
-        Meta(
-            description="how values are combined: all with all, `samples` by chance, the same evenly spread, or the"
+        about(
+            "how values are combined: all with all, `samples` by chance, the same evenly spread, or the"
             " n-th values together"
         ),
     ] = "grid"
-    samples: Annotated[int, Meta(ge=1, le=MAX_RUNS, description="sets of parameters of random, latin hypercube")] = 100
-    sampling_seed: Annotated[int, Meta(ge=0, le=2**31, description="of the chance in them")] = 0
-    parameters: Annotated[dict[str, ParameterChoice], Meta(max_length=MAX_NAMES, description="by name")] = field(
+    samples: Annotated[int, about("sets of parameters of random, latin hypercube", ge=1, le=MAX_RUNS)] = 100
+    sampling_seed: Annotated[int, about("of the chance in them", ge=0, le=2**31)] = 0
+    parameters: Annotated[dict[str, ParameterChoice], about("by name", max_length=MAX_NAMES)] = field(
         default_factory=dict
     )
     assign: Annotated[
         dict[str, ParameterValue],
-        Meta(
+        about(
+            "`scenario.PATH`, `setting.KEY` or `vehicle` = a number, or an expression over the parameters",
             max_length=MAX_NAMES,
-            description="`scenario.PATH`, `setting.KEY` or `vehicle` = a number, or an expression over the parameters",
         ),
     ] = field(name="set", default_factory=dict)
-    drivers: Annotated[dict[_Name, DriverItem], Meta(max_length=MAX_NAMES, description="by name")] = field(
+    drivers: Annotated[dict[_Name, DriverItem], about("by name", max_length=MAX_NAMES)] = field(
         default_factory=lambda: {"ours": DriverItem(own="lanes")}
     )
-    limits: Annotated[LimitsItem, Meta(description="what makes a run fail")] = LimitsItem()
-    search: Annotated[SearchItem | None, Meta(description="search for the worst parameters")] = None
-    output: Annotated[OutputItem, Meta(description="what is kept")] = OutputItem()
+    limits: Annotated[LimitsItem, about("what makes a run fail")] = LimitsItem()
+    search: Annotated[SearchItem | None, about("search for the worst parameters")] = None
+    output: Annotated[OutputItem, about("what is kept")] = OutputItem()
 
 
 _DOCUMENT: Final = DocumentType[CampaignDocument](CampaignDocument)

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 from msgspec import Meta, field
 
 from rosbridge_sim.contracts.seen_system import MAX_FIELDS, MAX_PATH
-from rosbridge_sim.documents import DocumentType, Table
+from rosbridge_sim.documents import DocumentType, Table, about
 
 MAX_TOPICS: Final = 1_000
 """Most topics, and most services, of a contract."""
@@ -43,12 +43,12 @@ _Length = Annotated[int, Meta(ge=0)]
 class FieldTerms(Table, frozen=True, kw_only=True, omit_defaults=True):
     """Terms of a field. Without any, the field must be there."""
 
-    low: Annotated[float | None, Meta(description="least number")] = field(name="min", default=None)
-    high: Annotated[float | None, Meta(description="largest number")] = field(name="max", default=None)
-    nan: Annotated[bool, Meta(description="NaN, infinity and null are accepted, too")] = False
-    values: Annotated[_Words | None, Meta(description="the only texts or flags")] = None
-    min_length: Annotated[_Length | None, Meta(description="of a list")] = None
-    max_length: Annotated[_Length | None, Meta(description="of a list")] = None
+    low: Annotated[float | None, about("least number")] = field(name="min", default=None)
+    high: Annotated[float | None, about("largest number")] = field(name="max", default=None)
+    nan: Annotated[bool, about("NaN, infinity and null are accepted, too")] = False
+    values: Annotated[_Words | None, about("the only texts or flags")] = None
+    min_length: Annotated[_Length | None, about("of a list")] = None
+    max_length: Annotated[_Length | None, about("of a list")] = None
 
     def __post_init__(self) -> None:
         """Check that the terms fit together."""
@@ -72,24 +72,21 @@ class FieldTerms(Table, frozen=True, kw_only=True, omit_defaults=True):
 class TopicTerms(Table, frozen=True, kw_only=True, omit_defaults=True):
     """Terms of a topic."""
 
-    type: Annotated[str, Meta(max_length=MAX_PATH, description="type, as either generation of ROS writes it")]
-    rate: Annotated[_Rate | None, Meta(description="messages per second [Hz]")] = None
-    tolerance: Annotated[float, Meta(ge=0.0, description="share by which the rate may differ")] = TOLERANCE
+    type: Annotated[str, about("type, as either generation of ROS writes it", max_length=MAX_PATH)]
+    rate: Annotated[_Rate | None, about("messages per second [Hz]")] = None
+    tolerance: Annotated[float, about("share by which the rate may differ", ge=0.0)] = TOLERANCE
     fields: Annotated[
-        dict[_Path, FieldTerms],
-        Meta(max_length=MAX_FIELDS, description="by path: `pose.x`; `ranges[]` is each element"),
+        dict[_Path, FieldTerms], about("by path: `pose.x`; `ranges[]` is each element", max_length=MAX_FIELDS)
     ] = field(default_factory=dict)
 
 
 class Contract(Table, frozen=True, kw_only=True, omit_defaults=True):
     """A contract."""
 
-    topics: Annotated[dict[_Name, TopicTerms], Meta(max_length=MAX_TOPICS, description="by name")] = field(
-        default_factory=dict
-    )
+    topics: Annotated[dict[_Name, TopicTerms], about("by name", max_length=MAX_TOPICS)] = field(default_factory=dict)
     services: Annotated[
         dict[_Name, Annotated[str, Meta(max_length=MAX_PATH)]],
-        Meta(max_length=MAX_TOPICS, description="name: type; an empty type may be any"),
+        about("name: type; an empty type may be any", max_length=MAX_TOPICS),
     ] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

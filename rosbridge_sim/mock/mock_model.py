@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta, field
 
 from rosbridge_sim.document_reading import check_values, document_schema
-from rosbridge_sim.documents import DocumentType, KeptAsWritten, Mistake, Table
+from rosbridge_sim.documents import DocumentType, KeptAsWritten, Mistake, Table, about
 from rosbridge_sim.yaml_reading import YamlDocument
 
 MAX_THINGS: Final = 2_000
@@ -50,7 +50,7 @@ def _check_path(value: str) -> None:
 
 _Name = Annotated[str, Meta(extra={"check": _check_name})]
 _PlainName = Annotated[str, Meta(extra={"check": _check_plain_name})]
-_TypeName = Annotated[str, Meta(max_length=256, description="type, such as `nav_msgs/Odometry`")]
+_TypeName = Annotated[str, about("type, such as `nav_msgs/Odometry`", max_length=256)]
 _Pattern = Annotated[str, Meta(max_length=256)]
 _Text = Annotated[str, Meta(max_length=500)]
 _Rate = Annotated[float, Meta(gt=0.0, le=MAX_TOPIC_RATE)]
@@ -66,9 +66,9 @@ class SinePattern(Table, frozen=True, kw_only=True):
     """`offset + amplitude * sin(2 pi time / period + phase)`."""
 
     amplitude: _Number = 1.0
-    period: Annotated[_Duration, Meta(description="[s]")] = 1.0
+    period: Annotated[_Duration, about("[s]")] = 1.0
     offset: _Number = 0.0
-    phase: Annotated[_Number, Meta(description="[rad]")] = 0.0
+    phase: Annotated[_Number, about("[rad]")] = 0.0
 
 
 class RampPattern(Table, frozen=True, kw_only=True):
@@ -76,7 +76,7 @@ class RampPattern(Table, frozen=True, kw_only=True):
 
     start: _Number = 0.0
     end: _Number = 1.0
-    seconds: Annotated[_Duration, Meta(description="[s]")] = 1.0
+    seconds: Annotated[_Duration, about("[s]")] = 1.0
     repeat: bool = True
 
 
@@ -84,7 +84,7 @@ class WalkPattern(Table, frozen=True, kw_only=True):
     """From `start`, with a step of normal distribution for each message; the bounds reflect it."""
 
     start: _Number = 0.0
-    step: Annotated[float, Meta(gt=0.0, le=1e9, description="standard deviation of a step")] = 1.0
+    step: Annotated[float, about("standard deviation of a step", gt=0.0, le=1e9)] = 1.0
     low: _Number | None = None
     high: _Number | None = None
 
@@ -113,7 +113,7 @@ class CsvPattern(Table, frozen=True, kw_only=True):
     """The values of a column of a CSV file, a row for each message, and again from the first one."""
 
     file: MockPath
-    column: Annotated[_Text, Meta(description="its name in the first line")]
+    column: Annotated[_Text, about("its name in the first line")]
 
 
 PatternName = Literal["$sine", "$ramp", "$random_walk", "$counter", "$list", "$file", "$csv", "$expression"]
@@ -135,45 +135,42 @@ class MockTopic(Table, frozen=True, kw_only=True):
     """A topic that the mock publishes."""
 
     type: _TypeName
-    rate: Annotated[_Rate | None, Meta(description="[Hz]; none: one message, latched")] = None
+    rate: Annotated[_Rate | None, about("[Hz]; none: one message, latched")] = None
     value: Annotated[
-        KeptAsWritten, Meta(description="fields of the message: constants and patterns; others have their defaults")
+        KeptAsWritten, about("fields of the message: constants and patterns; others have their defaults")
     ] = None
-    latch: Annotated[bool, Meta(description="late subscribers get the last message")] = False
+    latch: Annotated[bool, about("late subscribers get the last message")] = False
 
 
 class MockAnswer(Table, frozen=True, kw_only=True):
     """An answer of a service. The first one whose `when` fits the request is given."""
 
     when: Annotated[
-        KeptAsWritten,
-        Meta(description="fields that the request must have, or an expression over its fields; none: always"),
+        KeptAsWritten, about("fields that the request must have, or an expression over its fields; none: always")
     ] = None
-    value: Annotated[KeptAsWritten, Meta(description="fields of the response, as of a topic")] = None
-    delay: Annotated[_Seconds, Meta(description="[s]")] = 0.0
-    fail: Annotated[_Text | None, Meta(description="fail with this text; there is no value then")] = None
+    value: Annotated[KeptAsWritten, about("fields of the response, as of a topic")] = None
+    delay: Annotated[_Seconds, about("[s]")] = 0.0
+    fail: Annotated[_Text | None, about("fail with this text; there is no value then")] = None
 
 
 class MockService(Table, frozen=True, kw_only=True):
     """A service that the mock offers."""
 
     type: _TypeName
-    answers: Annotated[list[MockAnswer], Meta(max_length=100, description="none: a response of defaults, at once")] = (
-        field(default_factory=list)
+    answers: Annotated[list[MockAnswer], about("none: a response of defaults, at once", max_length=100)] = field(
+        default_factory=list
     )
 
 
 class MockGoal(Table, frozen=True, kw_only=True):
     """The course of a goal. The first one whose `when` fits the goal is taken."""
 
-    when: Annotated[KeptAsWritten, Meta(description="as of an answer of a service")] = None
-    duration: Annotated[_Seconds, Meta(description="until the result [s]")] = 1.0
-    feedback: Annotated[KeptAsWritten, Meta(description="fields of the feedback; none: no feedback")] = None
-    feedback_rate: Annotated[_Rate, Meta(description="[Hz]")] = 1.0
-    outcome: Annotated[Literal["succeeded", "aborted", "canceled", "rejected"], Meta(description="end of the goal")] = (
-        "succeeded"
-    )
-    result: Annotated[KeptAsWritten, Meta(description="fields of the result")] = None
+    when: Annotated[KeptAsWritten, about("as of an answer of a service")] = None
+    duration: Annotated[_Seconds, about("until the result [s]")] = 1.0
+    feedback: Annotated[KeptAsWritten, about("fields of the feedback; none: no feedback")] = None
+    feedback_rate: Annotated[_Rate, about("[Hz]")] = 1.0
+    outcome: Annotated[Literal["succeeded", "aborted", "canceled", "rejected"], about("end of the goal")] = "succeeded"
+    result: Annotated[KeptAsWritten, about("fields of the result")] = None
 
 
 class MockAction(Table, frozen=True, kw_only=True):
@@ -181,7 +178,7 @@ class MockAction(Table, frozen=True, kw_only=True):
 
     type: _TypeName
     goals: Annotated[
-        list[MockGoal], Meta(max_length=100, description="none: success after a second, with a result of defaults")
+        list[MockGoal], about("none: success after a second, with a result of defaults", max_length=100)
     ] = field(default_factory=list)
 
 
@@ -190,23 +187,23 @@ class MockTransform(Table, frozen=True, kw_only=True):
 
     parent: _Text
     child: _Text
-    rate: Annotated[_Rate | None, Meta(description="on /tf [Hz]; none: on /tf_static")] = None
-    x: Annotated[KeptAsWritten, Meta(description="[m]")] = 0.0
-    y: Annotated[KeptAsWritten, Meta(description="[m]")] = 0.0
-    z: Annotated[KeptAsWritten, Meta(description="[m]")] = 0.0
-    roll: Annotated[KeptAsWritten, Meta(description="[rad]")] = 0.0
-    pitch: Annotated[KeptAsWritten, Meta(description="[rad]")] = 0.0
-    yaw: Annotated[KeptAsWritten, Meta(description="[rad]")] = 0.0
+    rate: Annotated[_Rate | None, about("on /tf [Hz]; none: on /tf_static")] = None
+    x: Annotated[KeptAsWritten, about("[m]")] = 0.0
+    y: Annotated[KeptAsWritten, about("[m]")] = 0.0
+    z: Annotated[KeptAsWritten, about("[m]")] = 0.0
+    roll: Annotated[KeptAsWritten, about("[rad]")] = 0.0
+    pitch: Annotated[KeptAsWritten, about("[rad]")] = 0.0
+    yaw: Annotated[KeptAsWritten, about("[rad]")] = 0.0
 
 
 class MockRecording(Table, frozen=True, kw_only=True):
     """A bag or MCAP file that is played in a loop, with new stamps. Topics of `topics` take precedence."""
 
     file: MockPath
-    topics: Annotated[list[_Pattern], Meta(max_length=100, description="patterns such as `/camera/*`; none: all")] = (
-        field(default_factory=list)
+    topics: Annotated[list[_Pattern], about("patterns such as `/camera/*`; none: all", max_length=100)] = field(
+        default_factory=list
     )
-    speed: Annotated[float, Meta(ge=0.01, le=100.0, description="factor")] = 1.0
+    speed: Annotated[float, about("factor", ge=0.01, le=100.0)] = 1.0
 
 
 FaultKind = Literal["delay", "drop", "duplicate", "freeze", "wrong_type", "nan", "slow", "fail", "close"]
@@ -215,29 +212,24 @@ FaultKind = Literal["delay", "drop", "duplicate", "freeze", "wrong_type", "nan",
 class MockFault(Table, frozen=True, kw_only=True):
     """A fault of the wire to clients."""
 
-    kind: Annotated[FaultKind, Meta(description="see the table of kinds")]
+    kind: Annotated[FaultKind, about("see the table of kinds")]
     topics: Annotated[
-        list[_Pattern], Meta(max_length=100, description="patterns of topics, of all kinds for topics; none: all")
+        list[_Pattern], about("patterns of topics, of all kinds for topics; none: all", max_length=100)
     ] = field(default_factory=list)
     services: Annotated[
-        list[_Pattern], Meta(max_length=100, description="patterns of services, of `slow` and `fail`; none: all")
+        list[_Pattern], about("patterns of services, of `slow` and `fail`; none: all", max_length=100)
     ] = field(default_factory=list)
-    probability: Annotated[float, Meta(ge=0.0, le=1.0, description="for each message or call")] = 1.0
-    seconds: Annotated[
-        Annotated[float, Meta(ge=0.0, le=600.0)], Meta(description="delay of `delay` and `slow` [s]")
-    ] = 0.5
+    probability: Annotated[float, about("for each message or call", ge=0.0, le=1.0)] = 1.0
+    seconds: Annotated[Annotated[float, Meta(ge=0.0, le=600.0)], about("delay of `delay` and `slow` [s]")] = 0.5
     jitter: Annotated[
-        Annotated[float, Meta(ge=0.0, le=600.0)],
-        Meta(description="delays are even within `seconds` +- `jitter` [s]"),
+        Annotated[float, Meta(ge=0.0, le=600.0)], about("delays are even within `seconds` +- `jitter` [s]")
     ] = 0.0
-    text: Annotated[_Text, Meta(description="of `fail`, and the reason of `close`")] = "a fault of the mock"
-    code: Annotated[
-        int, Meta(ge=1000, le=4999, description="of `close`; 1006 cuts the connection without a close frame")
-    ] = 1011
-    every: Annotated[_Duration | None, Meta(description="time between two `close` [s]; none: once")] = None
-    start: Annotated[_Seconds, Meta(description="time after the start of the mock [s]")] = 0.0
-    end: Annotated[_Seconds | None, Meta(description="the same; none: for ever")] = None
-    on: Annotated[bool, Meta(description="false: off until it is switched on")] = True
+    text: Annotated[_Text, about("of `fail`, and the reason of `close`")] = "a fault of the mock"
+    code: Annotated[int, about("of `close`; 1006 cuts the connection without a close frame", ge=1000, le=4999)] = 1011
+    every: Annotated[_Duration | None, about("time between two `close` [s]; none: once")] = None
+    start: Annotated[_Seconds, about("time after the start of the mock [s]")] = 0.0
+    end: Annotated[_Seconds | None, about("the same; none: for ever")] = None
+    on: Annotated[bool, about("false: off until it is switched on")] = True
 
     def __post_init__(self) -> None:
         """Check that the times fit."""
@@ -257,33 +249,25 @@ MIN_OWN_CODE: Final = 3_000
 class MockDocument(Table, frozen=True, kw_only=True):
     """A mock of a robot."""
 
-    node: Annotated[_Name, Meta(description="name of its node")] = "/mock"
-    seed: Annotated[int, Meta(ge=0, le=2**32 - 1, description="of random walks and faults")] = 0
-    topics: Annotated[dict[_Name, MockTopic], Meta(max_length=MAX_THINGS, description="that it publishes, by name")] = (
-        field(default_factory=dict)
+    node: Annotated[_Name, about("name of its node")] = "/mock"
+    seed: Annotated[int, about("of random walks and faults", ge=0, le=2**32 - 1)] = 0
+    topics: Annotated[dict[_Name, MockTopic], about("that it publishes, by name", max_length=MAX_THINGS)] = field(
+        default_factory=dict
     )
     subscribers: Annotated[
         dict[_Name, _TypeName],
-        Meta(max_length=MAX_THINGS, description="topics that it subscribes to -> type; expressions may read them"),
+        about("topics that it subscribes to -> type; expressions may read them", max_length=MAX_THINGS),
     ] = field(default_factory=dict)
-    services: Annotated[dict[_Name, MockService], Meta(max_length=MAX_THINGS, description="by name")] = field(
-        default_factory=dict
+    services: Annotated[dict[_Name, MockService], about("by name", max_length=MAX_THINGS)] = field(default_factory=dict)
+    actions: Annotated[dict[_Name, MockAction], about("by name", max_length=MAX_THINGS)] = field(default_factory=dict)
+    parameters: Annotated[dict[str, KeptAsWritten], about("by name: any values of JSON", max_length=MAX_THINGS)] = (
+        field(default_factory=dict)
     )
-    actions: Annotated[dict[_Name, MockAction], Meta(max_length=MAX_THINGS, description="by name")] = field(
-        default_factory=dict
-    )
-    parameters: Annotated[
-        dict[str, KeptAsWritten], Meta(max_length=MAX_THINGS, description="by name: any values of JSON")
-    ] = field(default_factory=dict)
-    transforms: Annotated[list[MockTransform], Meta(max_length=MAX_THINGS, description="trees of /tf")] = field(
+    transforms: Annotated[list[MockTransform], about("trees of /tf", max_length=MAX_THINGS)] = field(
         default_factory=list
     )
-    recordings: Annotated[list[MockRecording], Meta(max_length=20, description="files to play")] = field(
-        default_factory=list
-    )
-    faults: Annotated[dict[_PlainName, MockFault], Meta(max_length=100, description="by name")] = field(
-        default_factory=dict
-    )
+    recordings: Annotated[list[MockRecording], about("files to play", max_length=20)] = field(default_factory=list)
+    faults: Annotated[dict[_PlainName, MockFault], about("by name", max_length=100)] = field(default_factory=dict)
 
 
 _DOCUMENT: Final = DocumentType[MockDocument](MockDocument)

@@ -10,7 +10,7 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta
 
-from rosbridge_sim.documents import MAX_DOCUMENT_COORDINATE, Coordinate, Table, number_within, text_within
+from rosbridge_sim.documents import MAX_DOCUMENT_COORDINATE, Coordinate, Table, about, number_within, text_within
 
 MAX_EVENTS: Final = 100
 """Most events of one block."""
@@ -33,11 +33,11 @@ def _need(block: Table, *names: str) -> None:
 class PlaceToPass(Table, frozen=True, kw_only=True):
     """A place on a link, or on the map, and how near is there."""
 
-    link: Annotated[Name | None, Meta(description="id of a link of the map")] = None
-    s: Annotated[Coordinate, Meta(description="distance from the start of the link [m]")] = 0.0
-    x: Annotated[Coordinate | None, Meta(description="east, instead of a link [m]")] = None
-    y: Annotated[Coordinate | None, Meta(description="north [m]")] = None
-    within: Annotated[Metres, Meta(description="distance at which it is reached [m]")] = 3.0
+    link: Annotated[Name | None, about("id of a link of the map")] = None
+    s: Annotated[Coordinate, about("distance from the start of the link [m]")] = 0.0
+    x: Annotated[Coordinate | None, about("east, instead of a link [m]")] = None
+    y: Annotated[Coordinate | None, about("north [m]")] = None
+    within: Annotated[Metres, about("distance at which it is reached [m]")] = 3.0
 
     def __post_init__(self) -> None:
         """Check that it is one place."""
@@ -48,8 +48,8 @@ class PlaceToPass(Table, frozen=True, kw_only=True):
 class When(Table, frozen=True, kw_only=True):
     """A trigger: all that is given must hold at the same time."""
 
-    time: Annotated[Duration | None, Meta(description="so long after the start, and later [s]")] = None
-    ego_passes: Annotated[PlaceToPass | None, Meta(description="the first ego is at this place")] = None
+    time: Annotated[Duration | None, about("so long after the start, and later [s]")] = None
+    ego_passes: Annotated[PlaceToPass | None, about("the first ego is at this place")] = None
 
     def __post_init__(self) -> None:
         """Check that it is a trigger."""
@@ -59,19 +59,17 @@ class When(Table, frozen=True, kw_only=True):
 class VehicleWhen(When, frozen=True, kw_only=True):
     """A trigger of a vehicle's event: all that is given must hold at the same time."""
 
-    ego_within: Annotated[Metres | None, Meta(description="the first ego is this near [m]")] = None
-    passes: Annotated[PlaceToPass | None, Meta(description="the vehicle itself is at this place")] = None
+    ego_within: Annotated[Metres | None, about("the first ego is this near [m]")] = None
+    passes: Annotated[PlaceToPass | None, about("the vehicle itself is at this place")] = None
 
 
 class VehicleEvent(Table, frozen=True, kw_only=True):
     """One change of lane or speed. After it the vehicle drives on as before; with the new speed, if it got one."""
 
     when: VehicleWhen
-    change_lane: Annotated[Literal["left", "right"] | None, Meta(description="to the lane beside its own")] = None
-    speed_kmh: Annotated[
-        Annotated[float, number_within(0.0, 1_000.0)] | None, Meta(description="its new speed [km/h]")
-    ] = None
-    seconds: Annotated[Duration, Meta(description="time that the change takes [s]")] = 3.0
+    change_lane: Annotated[Literal["left", "right"] | None, about("to the lane beside its own")] = None
+    speed_kmh: Annotated[Annotated[float, number_within(0.0, 1_000.0)] | None, about("its new speed [km/h]")] = None
+    seconds: Annotated[Duration, about("time that the change takes [s]")] = 3.0
 
     def __post_init__(self) -> None:
         """Check that something happens."""
@@ -82,7 +80,7 @@ class LightEvent(Table, frozen=True, kw_only=True):
     """A traffic light that shows a colour from then on, whatever its plan is."""
 
     when: When
-    light: Annotated[Name, Meta(description="id of the light")]
+    light: Annotated[Name, about("id of the light")]
     state: Literal["red", "yellow", "green", "off"]
 
 
@@ -90,9 +88,9 @@ class ItemBlock(Table, frozen=True, kw_only=True):
     """The block of a pedestrian or an obstacle: when it starts."""
 
     start_within: Annotated[
-        Metres | None, Meta(description="it stands until an ego is this near [m]; used instead of activeDistance")
+        Metres | None, about("it stands until an ego is this near [m]; used instead of activeDistance")
     ] = None
-    start_when: Annotated[When | None, Meta(description="it stands until then")] = None
+    start_when: Annotated[When | None, about("it stands until then")] = None
 
     def __post_init__(self) -> None:
         """Check that it starts at one moment."""

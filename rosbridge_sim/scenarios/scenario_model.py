@@ -30,6 +30,7 @@ from rosbridge_sim.documents import (
     Number,
     Ratio,
     Whole,
+    about,
     keys_beside,
     number_within,
     sort_keys,
@@ -62,9 +63,7 @@ Speed = Annotated[float, number_within(-1_000.0, 1_000.0)]
 BoundedList = Annotated[list[T], Meta(max_length=MAX_ITEMS)]
 
 
-ActiveDistance = Annotated[
-    Coordinate | None, Meta(description="stands until an ego is this near [m]; 0 or less: starts at once")
-]
+ActiveDistance = Annotated[Coordinate | None, about("stands until an ego is this near [m]; 0 or less: starts at once")]
 
 
 class EnuPosition(Document, frozen=True, kw_only=True):
@@ -88,61 +87,60 @@ class EnuPosition(Document, frozen=True, kw_only=True):
 class Rotation(Document, frozen=True, kw_only=True):
     """Heading, roll and pitch; MORAI's angles may be larger than a full turn."""
 
-    yaw: Annotated[Number, Meta(description="degrees counter-clockwise from east")] = 0.0
-    roll: Annotated[Number, Meta(description="degrees")] = 0.0
-    pitch: Annotated[Number, Meta(description="degrees")] = 0.0
+    yaw: Annotated[Number, about("degrees counter-clockwise from east")] = 0.0
+    roll: Annotated[Number, about("degrees")] = 0.0
+    pitch: Annotated[Number, about("degrees")] = 0.0
 
 
 class Scale(Document, frozen=True, kw_only=True):
     """Size of a thing relative to its model, in the engine's axes of the thing itself."""
 
-    x: Annotated[Number, Meta(description="of its width")] = 1.0
-    y: Annotated[Number, Meta(description="of its height")] = 1.0
-    z: Annotated[Number, Meta(description="of its length")] = 1.0
+    x: Annotated[Number, about("of its width")] = 1.0
+    y: Annotated[Number, about("of its height")] = 1.0
+    z: Annotated[Number, about("of its length")] = 1.0
 
 
 class InitPosition(Document, frozen=True, kw_only=True):
     """Start of a vehicle: a position, or a place along a link of the map."""
 
-    initPositionMode: Annotated[ShortText, Meta(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
+    initPositionMode: Annotated[ShortText, about('"Absolute": pos and rot; "Link": initLink')] = "Absolute"
     pos: EnuPosition | None = None
     rot: Rotation | None = None
-    initLink: Annotated[ShortText | None, Meta(description="id of a link of the map")] = None
-    initLinkRatio: Annotated[Ratio | None, Meta(description="0 at the link's start, 1 at its end")] = None
-    gear: Annotated[Whole | None, Meta(description="of an ego; 1 P, 2 R, 3 N, 4 D")] = None
+    initLink: Annotated[ShortText | None, about("id of a link of the map")] = None
+    initLinkRatio: Annotated[Ratio | None, about("0 at the link's start, 1 at its end")] = None
+    gear: Annotated[Whole | None, about("of an ego; 1 P, 2 R, 3 N, 4 D")] = None
 
 
 class PlacedItem(Document, frozen=True, kw_only=True):
     """Keys of every agent."""
 
-    UNIQUEID: Annotated[Whole | None, Meta(description="its id; without one it gets the next free one")] = None
-    DataID: Annotated[Whole | None, Meta(description="MORAI's number of the model")] = None
-    modelName: Annotated[ShortText | None, Meta(description="name of the model, used instead of DataID (ours)")] = None
+    UNIQUEID: Annotated[Whole | None, about("its id; without one it gets the next free one")] = None
+    DataID: Annotated[Whole | None, about("MORAI's number of the model")] = None
+    modelName: Annotated[ShortText | None, about("name of the model, used instead of DataID (ours)")] = None
 
 
 class EgoVehicle(PlacedItem, frozen=True, kw_only=True):
     """The car that clients drive. UNIQUEID -1, as in MORAI's files, is the first ego: 0 on the wire."""
 
     initPosition: InitPosition
-    gear: Annotated[Whole | None, Meta(description="used if initPosition has none; D if both are absent")] = None
-    currentVelocity: Annotated[Speed | None, Meta(description="speed at the start [km/h]")] = None
+    gear: Annotated[Whole | None, about("used if initPosition has none; D if both are absent")] = None
+    currentVelocity: Annotated[Speed | None, about("speed at the start [km/h]")] = None
 
 
 class Follower(PlacedItem, frozen=True, kw_only=True):
     """An agent that may follow a path of waypointDataList."""
 
     isWaypointMode: Annotated[
-        LenientBool | None, Meta(description="false: the path is not followed; true without waypoints: it stands")
+        LenientBool | None, about("false: the path is not followed; true without waypoints: it stands")
     ] = None
     pathName: Annotated[
-        ShortText | None,
-        Meta(description="name of its path (ours); without it, the path whose name ends in ' - UNIQUEID'"),
+        ShortText | None, about("name of its path (ours); without it, the path whose name ends in ' - UNIQUEID'")
     ] = None
 
 
 Yields = Annotated[
     LenientBool | None,
-    Meta(description="true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
+    about("true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
 ]
 
 
@@ -161,32 +159,28 @@ class NpcVehicle(Follower, frozen=True, kw_only=True):
 
     initPosition: InitPosition
     velocityType: Annotated[
-        Whole | None,
-        Meta(description="1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed"),
+        Whole | None, about("1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed")
     ] = None
-    desiredVelocity: Annotated[Speed | None, Meta(description="its own cruise speed [km/h]")] = None
-    constantVelocity: Annotated[
-        Speed | None, Meta(description="cruise speed if desiredVelocity is absent or 0 [km/h]")
-    ] = None
-    linkVelocity: Annotated[Speed | None, Meta(description="[km/h]")] = None
-    currentVelocity: Annotated[Speed | None, Meta(description="speed at the start, on lanes [km/h]")] = None
-    isCloseLoop: Annotated[LenientBool | None, Meta(description="the path or route begins again at its end")] = None
+    desiredVelocity: Annotated[Speed | None, about("its own cruise speed [km/h]")] = None
+    constantVelocity: Annotated[Speed | None, about("cruise speed if desiredVelocity is absent or 0 [km/h]")] = None
+    linkVelocity: Annotated[Speed | None, about("[km/h]")] = None
+    currentVelocity: Annotated[Speed | None, about("speed at the start, on lanes [km/h]")] = None
+    isCloseLoop: Annotated[LenientBool | None, about("the path or route begins again at its end")] = None
     route: Annotated[
         Annotated[list[ShortText], Meta(max_length=MAX_WAYPOINTS)] | None,
-        Meta(description="ids of links, from its first link on (ours); after them random"),
+        about("ids of links, from its first link on (ours); after them random"),
     ] = None
     activeDistance: ActiveDistance = None
     yields: Yields = None
-    rosbridge_sim: Annotated[VehicleBlock | None, Meta(description="when it starts, and events (ours)")] = None
+    rosbridge_sim: Annotated[VehicleBlock | None, about("when it starts, and events (ours)")] = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
     isLaneChange: Annotated[
-        JsonValue, Meta(description="false: on lanes it never changes them; absent or any other value: it may")
+        JsonValue, about("false: on lanes it never changes them; absent or any other value: it may")
     ] = None
     latBiasMode: KeptAsWritten = None
     latBias: Annotated[
-        JsonValue,
-        Meta(description="offset from the line of its lane, left positive, -5..5; other values count as 0 [m]"),
+        JsonValue, about("offset from the line of its lane, left positive, -5..5; other values count as 0 [m]")
     ] = None
     spawnPointUniqueID: KeptAsWritten = None
     destinationUniqueID: KeptAsWritten = None
@@ -201,12 +195,12 @@ class Pedestrian(Follower, frozen=True, kw_only=True):
 
     pos: EnuPosition
     rot: Rotation | None = None
-    speed: Annotated[Speed | None, Meta(description="[km/h]")] = None
-    loop: Annotated[LenientBool | None, Meta(description="at the end it begins again, or walks back")] = None
-    movingDistance: Annotated[Coordinate | None, Meta(description="[m]")] = None
+    speed: Annotated[Speed | None, about("[km/h]")] = None
+    loop: Annotated[LenientBool | None, about("at the end it begins again, or walks back")] = None
+    movingDistance: Annotated[Coordinate | None, about("[m]")] = None
     activeDistance: ActiveDistance = None
     yields: Yields = None
-    rosbridge_sim: Annotated[ItemBlock | None, Meta(description="when it starts (ours)")] = None
+    rosbridge_sim: Annotated[ItemBlock | None, about("when it starts (ours)")] = None
     active: KeptAsWritten = None
 
 
@@ -215,17 +209,17 @@ class Obstacle(Follower, frozen=True, kw_only=True):
 
     pos: EnuPosition
     rot: Rotation | None = None
-    moveSpeed: Annotated[Speed | None, Meta(description="[km/h]")] = None
+    moveSpeed: Annotated[Speed | None, about("[km/h]")] = None
     activeDistance: ActiveDistance = None
-    rosbridge_sim: Annotated[ItemBlock | None, Meta(description="when it starts (ours)")] = None
-    scale: Annotated[Scale | None, Meta(description="of the model's size")] = None
+    rosbridge_sim: Annotated[ItemBlock | None, about("when it starts (ours)")] = None
+    scale: Annotated[Scale | None, about("of the model's size")] = None
 
 
 class LinkInfo(Document, frozen=True, kw_only=True):
     """A place on a link of the map."""
 
-    linkIdx: Annotated[ShortText | None, Meta(description="id of the link")] = None
-    pointIdx: Annotated[Whole | None, Meta(description="number of the point of the link, from 0")] = None
+    linkIdx: Annotated[ShortText | None, about("id of the link")] = None
+    pointIdx: Annotated[Whole | None, about("number of the point of the link, from 0")] = None
 
 
 Seconds = Annotated[float, number_within(0.0, 1e6)] | None
@@ -243,49 +237,44 @@ class SpawnPointItem(Document, frozen=True, kw_only=True):
         }
     )
 
-    UNIQUEID: Annotated[Whole | None, Meta(description="its id, for the destinations of other points")] = None
-    modelName: Annotated[ShortText | None, Meta(description="name of the model of its vehicles (ours)")] = None
-    spawnVehicleTypeID: Annotated[Whole | None, Meta(description="MORAI's number of the model; -1: random")] = None
-    pos: Annotated[EnuPosition | None, Meta(description="used if startLinkInfo names no link of the map")] = None
-    startLinkInfo: Annotated[LinkInfo | None, Meta(description="where vehicles appear")] = None
-    endLinkInfo: Annotated[LinkInfo | None, Meta(description="where they leave; without it they turn at random")] = None
+    UNIQUEID: Annotated[Whole | None, about("its id, for the destinations of other points")] = None
+    modelName: Annotated[ShortText | None, about("name of the model of its vehicles (ours)")] = None
+    spawnVehicleTypeID: Annotated[Whole | None, about("MORAI's number of the model; -1: random")] = None
+    pos: Annotated[EnuPosition | None, about("used if startLinkInfo names no link of the map")] = None
+    startLinkInfo: Annotated[LinkInfo | None, about("where vehicles appear")] = None
+    endLinkInfo: Annotated[LinkInfo | None, about("where they leave; without it they turn at random")] = None
     destinationObjUniqueID: Annotated[
-        Whole | None, Meta(description="id of the spawn point where they leave, if endLinkInfo names no link")
+        Whole | None, about("id of the spawn point where they leave, if endLinkInfo names no link")
     ] = None
-    maximumSpawnVehicle: Annotated[
-        Count | None, Meta(description="its vehicles in the world at the same time, at most 999")
-    ] = None
-    minSpawnPeriod: Annotated[
-        Seconds, Meta(description="least time between two vehicles [s]; 5 if both are absent")
-    ] = None
-    maxSpawnPeriod: Annotated[Seconds, Meta(description="greatest time [s]; 10 if both are absent")] = None
-    waitSpawnTime: Annotated[Seconds, Meta(description="time until the first vehicle [s]; else a period")] = None
-    SpawnVelocityType: Annotated[
-        Whole | None, Meta(description="2: Min/MaxSpawnVelocity_Custom; else the link's speed")
-    ] = None
-    MinSpawnVelocity_Custom: Annotated[Kmh, Meta(description="least speed at the start [km/h]")] = None
-    MaxSpawnVelocity_Custom: Annotated[Kmh, Meta(description="greatest speed at the start [km/h]")] = None
-    DesiredVelocityType: Annotated[
-        Whole | None, Meta(description="2: Min/MaxDesiredVelocity_Custom; else the link's speed")
-    ] = None
-    MinDesiredVelocity_Custom: Annotated[Kmh, Meta(description="least cruise speed [km/h]")] = None
-    MaxDesiredVelocity_Custom: Annotated[Kmh, Meta(description="greatest cruise speed [km/h]")] = None
+    maximumSpawnVehicle: Annotated[Count | None, about("its vehicles in the world at the same time, at most 999")] = (
+        None
+    )
+    minSpawnPeriod: Annotated[Seconds, about("least time between two vehicles [s]; 5 if both are absent")] = None
+    maxSpawnPeriod: Annotated[Seconds, about("greatest time [s]; 10 if both are absent")] = None
+    waitSpawnTime: Annotated[Seconds, about("time until the first vehicle [s]; else a period")] = None
+    SpawnVelocityType: Annotated[Whole | None, about("2: Min/MaxSpawnVelocity_Custom; else the link's speed")] = None
+    MinSpawnVelocity_Custom: Annotated[Kmh, about("least speed at the start [km/h]")] = None
+    MaxSpawnVelocity_Custom: Annotated[Kmh, about("greatest speed at the start [km/h]")] = None
+    DesiredVelocityType: Annotated[Whole | None, about("2: Min/MaxDesiredVelocity_Custom; else the link's speed")] = (
+        None
+    )
+    MinDesiredVelocity_Custom: Annotated[Kmh, about("least cruise speed [km/h]")] = None
+    MaxDesiredVelocity_Custom: Annotated[Kmh, about("greatest cruise speed [km/h]")] = None
     SafetyDist: Annotated[
         Annotated[float, number_within(0.0, MAX_DOCUMENT_COORDINATE)] | None,
-        Meta(description="room before and behind a new vehicle [m]; 5 if absent"),
+        about("room before and behind a new vehicle [m]; 5 if absent"),
     ] = None
-    TTC: Annotated[Seconds, Meta(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
+    TTC: Annotated[Seconds, about("least time to a collision of a new vehicle [s]; 1 if absent")] = None
     isLaneChange: Annotated[
-        JsonValue, Meta(description="false: its vehicles never change lanes; absent or any other value: they may")
+        JsonValue, about("false: its vehicles never change lanes; absent or any other value: they may")
     ] = None
     latBiasMode: Annotated[
-        JsonValue, Meta(description="2: offsets have a bell-shaped distribution between both bounds; else the middle")
+        JsonValue, about("2: offsets have a bell-shaped distribution between both bounds; else the middle")
     ] = None
     MinLatBias: Annotated[
-        JsonValue,
-        Meta(description="least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]"),
+        JsonValue, about("least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]")
     ] = None
-    MaxLatBias: Annotated[JsonValue, Meta(description="greatest offset [m]")] = None
+    MaxLatBias: Annotated[JsonValue, about("greatest offset [m]")] = None
     listVehicleLengthType: KeptAsWritten = None
     isCloseLoop: KeptAsWritten = None
     isSpawning: KeptAsWritten = None
@@ -311,20 +300,18 @@ class Waypoint(Document, frozen=True, kw_only=True):
 class WaypointPath(Document, frozen=True, kw_only=True):
     """A path of waypoints, for the items that name it."""
 
-    pathName: Annotated[ShortText, Meta(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
+    pathName: Annotated[ShortText, about('any name; "... - 7" is the path of the item with UNIQUEID 7')]
     waypointData: Annotated[list[Waypoint], Meta(max_length=MAX_WAYPOINTS)]
 
 
 class IntersectionState(Document, frozen=True, kw_only=True):
     """Phase of an intersection at the start."""
 
-    index: Annotated[
-        ShortText, Meta(description="index of its controller among the map's, from 0; any other text is its id")
-    ]
-    state: Annotated[Whole, Meta(description="number of the phase, from 0")] = 0
-    deltaTime: Annotated[
-        Annotated[float, number_within(0.0, 1e12)] | None, Meta(description="time since the phase began [s]")
-    ] = None
+    index: Annotated[ShortText, about("index of its controller among the map's, from 0; any other text is its id")]
+    state: Annotated[Whole, about("number of the phase, from 0")] = 0
+    deltaTime: Annotated[Annotated[float, number_within(0.0, 1e12)] | None, about("time since the phase began [s]")] = (
+        None
+    )
 
 
 class MapInfo(Document, frozen=True, kw_only=True):
@@ -348,7 +335,7 @@ class ScenarioDocument(Document, frozen=True, kw_only=True):
     waypointDataList: Annotated[list[WaypointPath], Meta(max_length=MAX_PATHS)] | None = None
     tlList: Annotated[list[IntersectionState], Meta(max_length=MAX_PATHS)] | None = None
     spawnPointList: BoundedList[SpawnPointItem] | None = None
-    rosbridge_sim: Annotated[ScenarioBlock | None, Meta(description="events of lights (ours)")] = None
+    rosbridge_sim: Annotated[ScenarioBlock | None, about("events of lights (ours)")] = None
     pedspawnPointList: KeptAsWritten = None
     frictionChangeMaterialList: KeptAsWritten = None
     shadedAreaList: KeptAsWritten = None

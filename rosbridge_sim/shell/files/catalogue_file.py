@@ -23,7 +23,7 @@ from typing import Annotated, Final
 from msgspec import Meta, field
 
 from rosbridge_sim.document_reading import check_values
-from rosbridge_sim.documents import Document, DocumentType, Place, show_json
+from rosbridge_sim.documents import Document, DocumentType, Place, about, show_json
 from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace
@@ -252,7 +252,7 @@ def _within(low: float, high: float, unit: str) -> Meta:
             raise ValueError(expected)
         return found
 
-    return Meta(description=expected, extra={"read": read})
+    return about(expected, extra={"read": read})
 
 
 def _read_data_id(value: object) -> int:
@@ -284,8 +284,8 @@ class _Row(Document, frozen=True, kw_only=True):
     """A model as the file has it, by its columns."""
 
     data_ids: tuple[Annotated[int, Meta(extra={"read": _read_data_id})], ...] = field(name="DataID", default=())
-    name: Annotated[str, Meta(description=_A_NAME, extra={"read": _read_name})]
-    kind: Annotated[Kind, Meta(description=_A_CLASS, extra={"read": _read_class})] = field(name="class")
+    name: Annotated[str, about(_A_NAME, extra={"read": _read_name})]
+    kind: Annotated[Kind, about(_A_CLASS, extra={"read": _read_class})] = field(name="class")
     length: _Length
     width: _Length
     height: _Length

@@ -132,9 +132,7 @@ def _links(links: Links, roads: ManyRoads) -> Links:
 
 
 def _repeat_conflicts(one: LaneConflicts, roads: ManyRoads) -> LaneConflicts:
-    many = object.__new__(LaneConflicts)
-    for name in LaneConflicts.__slots__:
-        setattr(many, name, getattr(one, name))
+    many = copy(one)
     many.roads = roads
     for name in ("wait_point", "clear_point", "shared", "gives_way", "rival_from", "rival_passes", "rival_right"):
         setattr(many, name, np.tile(getattr(one, name), roads.num))
@@ -158,9 +156,7 @@ def _repeat_conflicts(one: LaneConflicts, roads: ManyRoads) -> LaneConflicts:
 
 
 def _repeat_neighbours(one: LaneNeighbours, roads: ManyRoads) -> LaneNeighbours:
-    many = object.__new__(LaneNeighbours)
-    for name in LaneNeighbours.__slots__:
-        setattr(many, name, getattr(one, name))
+    many = copy(one)
     many.roads = roads
     many.beside = _lanes(one.beside, roads)
     many.group = _lanes(one.group, roads)
