@@ -155,6 +155,9 @@ class BarrierOutcome(Record):
         return BARRIER_REASONS.get(self.why, Reason.REFUSED)
 
 
+In, On, Do = BarrierState, BarrierEvent, BarrierEffect  # short names, as words of the rows below
+
+
 def _yes(state: BarrierState, *effects: BarrierEffect) -> BarrierOutcome:
     return BarrierOutcome(state, is_accepted=True, effects=effects)
 
@@ -194,34 +197,34 @@ BARRIER_REASONS: Final[Mapping[str, Reason]] = {
 """The text of a refusal -> its kind."""
 
 _REFUSED: Final[Mapping[BarrierEvent, str]] = {
-    BarrierEvent.JOIN_MISFIT: _MISFIT,
-    BarrierEvent.JOIN_OTHER_TERMS: _OTHER_TERMS,
-    BarrierEvent.JOIN_SHARED: _SHARED,
-    BarrierEvent.JOIN_TOO_MANY: _TOO_MANY_MEMBERS,
-    BarrierEvent.LEAVE_BY_OTHER: _NOT_MEMBER,
-    BarrierEvent.START_OTHER_STEP: _OTHER_STEP,
-    BarrierEvent.START_BY_OTHER: _NOT_MEMBER,
-    BarrierEvent.STOP_BY_OTHER: _NOT_MEMBER,
-    BarrierEvent.TICK_PAUSED: _IS_PAUSED,
-    BarrierEvent.TICK_MISFIT: _NOT_NEXT,
-    BarrierEvent.TICK_SHARED: _SHARED,
-    BarrierEvent.TICK_TOO_MANY: _TOO_MANY_TICKS,
-    BarrierEvent.TICK_BY_OTHER: _NOT_MEMBER,
-    BarrierEvent.STEP_TOGETHER: _TOGETHER,
-    BarrierEvent.STEP_BY_OTHER: _NOT_MEMBER,
-    BarrierEvent.RESTORE_BY_OTHER: _NOT_MEMBER,
+    On.JOIN_MISFIT: _MISFIT,
+    On.JOIN_OTHER_TERMS: _OTHER_TERMS,
+    On.JOIN_SHARED: _SHARED,
+    On.JOIN_TOO_MANY: _TOO_MANY_MEMBERS,
+    On.LEAVE_BY_OTHER: _NOT_MEMBER,
+    On.START_OTHER_STEP: _OTHER_STEP,
+    On.START_BY_OTHER: _NOT_MEMBER,
+    On.STOP_BY_OTHER: _NOT_MEMBER,
+    On.TICK_PAUSED: _IS_PAUSED,
+    On.TICK_MISFIT: _NOT_NEXT,
+    On.TICK_SHARED: _SHARED,
+    On.TICK_TOO_MANY: _TOO_MANY_TICKS,
+    On.TICK_BY_OTHER: _NOT_MEMBER,
+    On.STEP_TOGETHER: _TOGETHER,
+    On.STEP_BY_OTHER: _NOT_MEMBER,
+    On.RESTORE_BY_OTHER: _NOT_MEMBER,
 }
 """Events that are refused in each state with members, and why."""
 
 _EMPTY_REFUSED: Final[Mapping[BarrierEvent, str]] = {
-    BarrierEvent.JOIN_MISFIT: _MISFIT,
-    BarrierEvent.JOIN_TAKEN: _TAKEN,
-    BarrierEvent.LEAVE_BY_OTHER: _NO_BARRIER,
-    BarrierEvent.START_BY_OTHER: _NO_BARRIER,
-    BarrierEvent.STOP_BY_OTHER: _NO_BARRIER,
-    BarrierEvent.TICK_BY_OTHER: _NO_BARRIER,
-    BarrierEvent.STEP_BY_OTHER: _NO_BARRIER,
-    BarrierEvent.RESTORE_BY_OTHER: _NO_BARRIER,
+    On.JOIN_MISFIT: _MISFIT,
+    On.JOIN_TAKEN: _TAKEN,
+    On.LEAVE_BY_OTHER: _NO_BARRIER,
+    On.START_BY_OTHER: _NO_BARRIER,
+    On.STOP_BY_OTHER: _NO_BARRIER,
+    On.TICK_BY_OTHER: _NO_BARRIER,
+    On.STEP_BY_OTHER: _NO_BARRIER,
+    On.RESTORE_BY_OTHER: _NO_BARRIER,
 }
 """Events that are refused where there is no barrier; `SyncDriver` asks `SYNC_TABLE` then, except for the first two."""
 
@@ -231,94 +234,69 @@ def _refusing(state: BarrierState, texts: Mapping[BarrierEvent, str]) -> dict[Ba
 
 
 BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]]] = {
-    BarrierState.EMPTY: {
-        BarrierEvent.JOIN: _yes(BarrierState.RESTING, BarrierEffect.ADMIT, BarrierEffect.LEAD, BarrierEffect.ANNOUNCE),
-        BarrierEvent.NOT_MOVED: _yes(BarrierState.EMPTY),  # the mode has ended, and the tick that waited with it
-        BarrierEvent.PAUSE: _yes(BarrierState.EMPTY),
-        BarrierEvent.RESET: _yes(BarrierState.EMPTY, BarrierEffect.FORGET, BarrierEffect.ANNOUNCE),
-        BarrierEvent.RESTORED: _yes(BarrierState.EMPTY, BarrierEffect.ANNOUNCE),
-        **_refusing(BarrierState.EMPTY, _EMPTY_REFUSED),
+    In.EMPTY: {
+        On.JOIN: _yes(In.RESTING, Do.ADMIT, Do.LEAD, Do.ANNOUNCE),
+        On.NOT_MOVED: _yes(In.EMPTY),  # the mode has ended, and the tick that waited with it
+        On.PAUSE: _yes(In.EMPTY),
+        On.RESET: _yes(In.EMPTY, Do.FORGET, Do.ANNOUNCE),
+        On.RESTORED: _yes(In.EMPTY, Do.ANNOUNCE),
+        **_refusing(In.EMPTY, _EMPTY_REFUSED),
     },
-    BarrierState.RESTING: {
-        BarrierEvent.JOIN: _yes(BarrierState.RESTING, BarrierEffect.ADMIT, BarrierEffect.ANNOUNCE),
-        BarrierEvent.JOIN_AGAIN: _yes(BarrierState.RESTING, BarrierEffect.HOLD),
-        BarrierEvent.START_BY_MEMBER: _yes(BarrierState.RESTING, BarrierEffect.HOLD),
-        BarrierEvent.LEAVE: _yes(BarrierState.RESTING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.CUT: _yes(BarrierState.RESTING, BarrierEffect.CUT, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LOSS: _yes(BarrierState.RESTING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LAST_LEFT: _yes(BarrierState.EMPTY, BarrierEffect.END, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LAST_LOST: _yes(BarrierState.EMPTY, BarrierEffect.LOSE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.STOP_BY_ANYONE: _yes(
-            BarrierState.EMPTY,
-            *(BarrierEffect.REFUSE, BarrierEffect.CLEAR, BarrierEffect.END, BarrierEffect.ANNOUNCE),
-        ),
-        BarrierEvent.TICK: _yes(
-            BarrierState.GATHERING, BarrierEffect.QUEUE, BarrierEffect.WAIT, BarrierEffect.ANNOUNCE
-        ),
-        BarrierEvent.STILL_TICKED: _yes(BarrierState.GATHERING, BarrierEffect.WAIT, BarrierEffect.ANNOUNCE),
-        BarrierEvent.PAUSE: _yes(BarrierState.RESTING, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.RESET: _yes(
-            BarrierState.RESTING, BarrierEffect.FORGET, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
-        ),
-        BarrierEvent.RESTORED: _yes(BarrierState.RESTING, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.STEP_ALONE: _yes(BarrierState.RESTING),
-        BarrierEvent.RESTORE_BY_MEMBER: _yes(BarrierState.RESTING),
-        **_refusing(BarrierState.RESTING, _REFUSED),
+    In.RESTING: {
+        On.JOIN: _yes(In.RESTING, Do.ADMIT, Do.ANNOUNCE),
+        On.JOIN_AGAIN: _yes(In.RESTING, Do.HOLD),
+        On.START_BY_MEMBER: _yes(In.RESTING, Do.HOLD),
+        On.LEAVE: _yes(In.RESTING, Do.REMOVE, Do.ANNOUNCE),
+        On.CUT: _yes(In.RESTING, Do.CUT, Do.ANNOUNCE),
+        On.LOSS: _yes(In.RESTING, Do.REMOVE, Do.ANNOUNCE),
+        On.LAST_LEFT: _yes(In.EMPTY, Do.END, Do.ANNOUNCE),
+        On.LAST_LOST: _yes(In.EMPTY, Do.LOSE, Do.ANNOUNCE),
+        On.STOP_BY_ANYONE: _yes(In.EMPTY, Do.REFUSE, Do.CLEAR, Do.END, Do.ANNOUNCE),
+        On.TICK: _yes(In.GATHERING, Do.QUEUE, Do.WAIT, Do.ANNOUNCE),
+        On.STILL_TICKED: _yes(In.GATHERING, Do.WAIT, Do.ANNOUNCE),
+        On.PAUSE: _yes(In.RESTING, Do.REFUSE, Do.ANNOUNCE),
+        On.RESET: _yes(In.RESTING, Do.FORGET, Do.REFUSE, Do.ANNOUNCE),
+        On.RESTORED: _yes(In.RESTING, Do.REFUSE, Do.ANNOUNCE),
+        On.STEP_ALONE: _yes(In.RESTING),
+        On.RESTORE_BY_MEMBER: _yes(In.RESTING),
+        **_refusing(In.RESTING, _REFUSED),
     },
-    BarrierState.GATHERING: {
-        BarrierEvent.JOIN: _yes(BarrierState.GATHERING, BarrierEffect.ADMIT_LATER, BarrierEffect.ANNOUNCE),
-        BarrierEvent.JOIN_AGAIN: _yes(BarrierState.GATHERING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
-        BarrierEvent.START_BY_MEMBER: _yes(BarrierState.GATHERING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LEAVE: _yes(BarrierState.GATHERING, BarrierEffect.REMOVE_LATER, BarrierEffect.ANNOUNCE),
-        BarrierEvent.CUT: _yes(BarrierState.GATHERING, BarrierEffect.CUT, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LOSS: _yes(BarrierState.GATHERING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LAST_LOST: _yes(BarrierState.EMPTY, BarrierEffect.LOSE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.STOP_BY_ANYONE: _yes(
-            BarrierState.EMPTY,
-            *(BarrierEffect.REFUSE, BarrierEffect.CLEAR, BarrierEffect.END, BarrierEffect.ANNOUNCE),
-        ),
-        BarrierEvent.TICK: _yes(BarrierState.GATHERING, BarrierEffect.QUEUE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.ALL_TICKED: _yes(BarrierState.MOVING, BarrierEffect.MOVE),
-        BarrierEvent.DEADLINE: _yes(BarrierState.MOVING, BarrierEffect.MOVE),
-        BarrierEvent.NONE_TICKED: _yes(BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.PAUSE: _yes(
-            BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
-        ),
-        BarrierEvent.RESET: _yes(
-            BarrierState.RESTING,
-            *(BarrierEffect.SETTLE, BarrierEffect.FORGET, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE),
-        ),
-        BarrierEvent.RESTORED: _yes(
-            BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
-        ),
-        BarrierEvent.STEP_ALONE: BarrierOutcome(BarrierState.GATHERING, is_accepted=False, why=_IS_MOVING),
-        BarrierEvent.RESTORE_BY_MEMBER: _yes(BarrierState.GATHERING),
-        **_refusing(BarrierState.GATHERING, _REFUSED),
+    In.GATHERING: {
+        On.JOIN: _yes(In.GATHERING, Do.ADMIT_LATER, Do.ANNOUNCE),
+        On.JOIN_AGAIN: _yes(In.GATHERING, Do.HOLD, Do.ANNOUNCE),
+        On.START_BY_MEMBER: _yes(In.GATHERING, Do.HOLD, Do.ANNOUNCE),
+        On.LEAVE: _yes(In.GATHERING, Do.REMOVE_LATER, Do.ANNOUNCE),
+        On.CUT: _yes(In.GATHERING, Do.CUT, Do.ANNOUNCE),
+        On.LOSS: _yes(In.GATHERING, Do.REMOVE, Do.ANNOUNCE),
+        On.LAST_LOST: _yes(In.EMPTY, Do.LOSE, Do.ANNOUNCE),
+        On.STOP_BY_ANYONE: _yes(In.EMPTY, Do.REFUSE, Do.CLEAR, Do.END, Do.ANNOUNCE),
+        On.TICK: _yes(In.GATHERING, Do.QUEUE, Do.ANNOUNCE),
+        On.ALL_TICKED: _yes(In.MOVING, Do.MOVE),
+        On.DEADLINE: _yes(In.MOVING, Do.MOVE),
+        On.NONE_TICKED: _yes(In.RESTING, Do.SETTLE, Do.ANNOUNCE),
+        On.PAUSE: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
+        On.RESET: _yes(In.RESTING, Do.SETTLE, Do.FORGET, Do.REFUSE, Do.ANNOUNCE),
+        On.RESTORED: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
+        On.STEP_ALONE: BarrierOutcome(In.GATHERING, is_accepted=False, why=_IS_MOVING),
+        On.RESTORE_BY_MEMBER: _yes(In.GATHERING),
+        **_refusing(In.GATHERING, _REFUSED),
     },
-    BarrierState.MOVING: {
-        BarrierEvent.JOIN: _yes(BarrierState.MOVING, BarrierEffect.ADMIT_LATER, BarrierEffect.ANNOUNCE),
-        BarrierEvent.JOIN_AGAIN: _yes(BarrierState.MOVING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
-        BarrierEvent.START_BY_MEMBER: _yes(BarrierState.MOVING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LEAVE: _yes(BarrierState.MOVING, BarrierEffect.REMOVE_LATER, BarrierEffect.ANNOUNCE),
-        BarrierEvent.CUT: _yes(BarrierState.MOVING, BarrierEffect.CUT, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LOSS: _yes(BarrierState.MOVING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.LAST_LOST: _yes(BarrierState.EMPTY, BarrierEffect.LOSE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.STOP_BY_ANYONE: _yes(
-            BarrierState.EMPTY,
-            *(BarrierEffect.REFUSE, BarrierEffect.CLEAR, BarrierEffect.END, BarrierEffect.ANNOUNCE),
-        ),
-        BarrierEvent.TICK: _yes(BarrierState.MOVING, BarrierEffect.QUEUE, BarrierEffect.ANNOUNCE),
-        BarrierEvent.MOVED: _yes(
-            BarrierState.RESTING,
-            *(BarrierEffect.SETTLE, BarrierEffect.LATE, BarrierEffect.ANNOUNCE, BarrierEffect.ANSWER),
-        ),
-        BarrierEvent.NOT_MOVED: _yes(
-            BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
-        ),
-        BarrierEvent.PAUSE: _yes(BarrierState.MOVING),  # from within the tick, which is one whole
-        BarrierEvent.STEP_ALONE: BarrierOutcome(BarrierState.MOVING, is_accepted=False, why=_IS_MOVING),
-        BarrierEvent.RESTORE_BY_MEMBER: _yes(BarrierState.MOVING),
-        **_refusing(BarrierState.MOVING, _REFUSED),
+    In.MOVING: {
+        On.JOIN: _yes(In.MOVING, Do.ADMIT_LATER, Do.ANNOUNCE),
+        On.JOIN_AGAIN: _yes(In.MOVING, Do.HOLD, Do.ANNOUNCE),
+        On.START_BY_MEMBER: _yes(In.MOVING, Do.HOLD, Do.ANNOUNCE),
+        On.LEAVE: _yes(In.MOVING, Do.REMOVE_LATER, Do.ANNOUNCE),
+        On.CUT: _yes(In.MOVING, Do.CUT, Do.ANNOUNCE),
+        On.LOSS: _yes(In.MOVING, Do.REMOVE, Do.ANNOUNCE),
+        On.LAST_LOST: _yes(In.EMPTY, Do.LOSE, Do.ANNOUNCE),
+        On.STOP_BY_ANYONE: _yes(In.EMPTY, Do.REFUSE, Do.CLEAR, Do.END, Do.ANNOUNCE),
+        On.TICK: _yes(In.MOVING, Do.QUEUE, Do.ANNOUNCE),
+        On.MOVED: _yes(In.RESTING, Do.SETTLE, Do.LATE, Do.ANNOUNCE, Do.ANSWER),
+        On.NOT_MOVED: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
+        On.PAUSE: _yes(In.MOVING),  # from within the tick, which is one whole
+        On.STEP_ALONE: BarrierOutcome(In.MOVING, is_accepted=False, why=_IS_MOVING),
+        On.RESTORE_BY_MEMBER: _yes(In.MOVING),
+        **_refusing(In.MOVING, _REFUSED),
     },
 }
 """Every state and every event that can happen in it."""

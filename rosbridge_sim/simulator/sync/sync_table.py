@@ -126,6 +126,9 @@ class SyncOutcome(Record):
         return REASONS.get(self.why, Reason.REFUSED)
 
 
+In, On, Do = SyncState, SyncEvent, SyncEffect  # short names, as words of the rows below
+
+
 def _yes(state: SyncState, *effects: SyncEffect) -> SyncOutcome:
     return SyncOutcome(state, is_accepted=True, effects=effects)
 
@@ -159,93 +162,81 @@ REASONS: Final[Mapping[str, Reason]] = {
 
 
 _NOT_PAUSED: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
-    SyncState.FREE: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.FREE, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.FREE, _OFF),
-        SyncEvent.COMMAND: _no(SyncState.FREE, _OFF),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.FREE, _OFF),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.FREE, _OFF),
-        SyncEvent.PAUSE: _yes(SyncState.FREE_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.FREE),
-        SyncEvent.RESET: _yes(SyncState.FREE, SyncEffect.DROP),
+    In.FREE: {
+        On.START_BY_OTHER: _yes(In.LED, Do.LEAD, Do.ANNOUNCE),
+        On.START_MISFIT: _no(In.FREE, _MISFIT),
+        On.STOP_BY_OTHER: _yes(In.FREE),
+        On.TICK_BY_OTHER: _no(In.FREE, _OFF),
+        On.COMMAND: _no(In.FREE, _OFF),
+        On.COMMAND_TOO_FAR: _no(In.FREE, _OFF),
+        On.COMMAND_TOO_MANY: _no(In.FREE, _OFF),
+        On.PAUSE: _yes(In.FREE_PAUSED),
+        On.RESUME: _yes(In.FREE),
+        On.RESET: _yes(In.FREE, Do.DROP),
     },
-    SyncState.OPEN: {
-        SyncEvent.START_BY_OTHER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_MISFIT: _no(SyncState.OPEN, _MISFIT),
-        SyncEvent.STOP_BY_OTHER: _yes(SyncState.FREE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.OPEN, _LEADERLESS),
-        SyncEvent.COMMAND: _yes(SyncState.OPEN, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.OPEN, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.OPEN, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.OPEN_PAUSED),
-        SyncEvent.RESUME: _yes(SyncState.OPEN),
-        SyncEvent.RESET: _yes(SyncState.OPEN, SyncEffect.DROP),
+    In.OPEN: {
+        On.START_BY_OTHER: _yes(In.LED, Do.LEAD, Do.ANNOUNCE),
+        On.START_MISFIT: _no(In.OPEN, _MISFIT),
+        On.STOP_BY_OTHER: _yes(In.FREE, Do.DROP, Do.FLOW, Do.ANNOUNCE),
+        On.TICK_BY_OTHER: _no(In.OPEN, _LEADERLESS),
+        On.COMMAND: _yes(In.OPEN, Do.QUEUE),
+        On.COMMAND_TOO_FAR: _no(In.OPEN, _TOO_FAR),
+        On.COMMAND_TOO_MANY: _no(In.OPEN, _TOO_MANY),
+        On.PAUSE: _yes(In.OPEN_PAUSED),
+        On.RESUME: _yes(In.OPEN),
+        On.RESET: _yes(In.OPEN, Do.DROP),
     },
-    SyncState.LED: {
-        SyncEvent.START_BY_MASTER: _yes(SyncState.LED, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_BY_OTHER: _no(SyncState.LED, _TAKEN),
-        SyncEvent.START_MISFIT: _no(SyncState.LED, _MISFIT),
-        SyncEvent.STOP_BY_MASTER: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.STOP_BY_OTHER: _no(SyncState.LED, _TAKEN),
-        SyncEvent.TICK_BY_MASTER: _yes(SyncState.LED, SyncEffect.MOVE),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.LED, _TAKEN),
-        SyncEvent.TICK_MISFIT: _no(SyncState.LED, _NOT_NEXT),
-        SyncEvent.COMMAND: _yes(SyncState.LED, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.LED, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.LED, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.ANNOUNCE),
-        SyncEvent.RESUME: _yes(SyncState.LED),
-        SyncEvent.LOSS_TO_RUN: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.LOSS_TO_PAUSE: _yes(SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.LOSS_TO_WAIT: _yes(SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.ANNOUNCE),
-        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
-        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP),
+    In.LED: {
+        On.START_BY_MASTER: _yes(In.LED, Do.LEAD, Do.ANNOUNCE),
+        On.START_BY_OTHER: _no(In.LED, _TAKEN),
+        On.START_MISFIT: _no(In.LED, _MISFIT),
+        On.STOP_BY_MASTER: _yes(In.FREE, Do.RELEASE, Do.DROP, Do.FLOW, Do.ANNOUNCE),
+        On.STOP_BY_OTHER: _no(In.LED, _TAKEN),
+        On.TICK_BY_MASTER: _yes(In.LED, Do.MOVE),
+        On.TICK_BY_OTHER: _no(In.LED, _TAKEN),
+        On.TICK_MISFIT: _no(In.LED, _NOT_NEXT),
+        On.COMMAND: _yes(In.LED, Do.QUEUE),
+        On.COMMAND_TOO_FAR: _no(In.LED, _TOO_FAR),
+        On.COMMAND_TOO_MANY: _no(In.LED, _TOO_MANY),
+        On.PAUSE: _yes(In.LED_PAUSED, Do.ANNOUNCE),
+        On.RESUME: _yes(In.LED),
+        On.LOSS_TO_RUN: _yes(In.FREE, Do.RELEASE, Do.DROP, Do.FLOW, Do.ANNOUNCE),
+        On.LOSS_TO_PAUSE: _yes(In.FREE_PAUSED, Do.RELEASE, Do.DROP, Do.ANNOUNCE),
+        On.LOSS_TO_WAIT: _yes(In.OPEN, Do.RELEASE, Do.DROP, Do.ANNOUNCE),
+        On.TICK_EARLY: _yes(In.WAITING, Do.WAIT),
+        On.RESET: _yes(In.LED, Do.DROP),
     },
-    SyncState.WAITING: {
-        SyncEvent.START_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.LEAD, SyncEffect.ANNOUNCE),
-        SyncEvent.START_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
-        SyncEvent.START_MISFIT: _no(SyncState.WAITING, _MISFIT),
-        SyncEvent.STOP_BY_MASTER: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.STOP_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
-        SyncEvent.TICK_BY_MASTER: _yes(SyncState.WAITING, SyncEffect.WAIT),
-        SyncEvent.TICK_BY_OTHER: _no(SyncState.WAITING, _TAKEN),
-        SyncEvent.TICK_MISFIT: _no(SyncState.WAITING, _NOT_NEXT),
-        SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
-        SyncEvent.TURN: _yes(SyncState.WAITING, SyncEffect.MOVE),
-        SyncEvent.LAST_DONE: _yes(SyncState.LED),
-        SyncEvent.COMMAND: _yes(SyncState.WAITING, SyncEffect.QUEUE),
-        SyncEvent.COMMAND_TOO_FAR: _no(SyncState.WAITING, _TOO_FAR),
-        SyncEvent.COMMAND_TOO_MANY: _no(SyncState.WAITING, _TOO_MANY),
-        SyncEvent.PAUSE: _yes(SyncState.LED_PAUSED, SyncEffect.REFUSE, SyncEffect.ANNOUNCE),
-        SyncEvent.RESUME: _yes(SyncState.WAITING),
-        SyncEvent.LOSS_TO_RUN: _yes(
-            SyncState.FREE, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.LOSS_TO_PAUSE: _yes(
-            SyncState.FREE_PAUSED, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.LOSS_TO_WAIT: _yes(
-            SyncState.OPEN, SyncEffect.RELEASE, SyncEffect.DROP, SyncEffect.REFUSE, SyncEffect.ANNOUNCE
-        ),
-        SyncEvent.RESET: _yes(SyncState.LED, SyncEffect.DROP, SyncEffect.REFUSE),
+    In.WAITING: {
+        On.START_BY_MASTER: _yes(In.WAITING, Do.LEAD, Do.ANNOUNCE),
+        On.START_BY_OTHER: _no(In.WAITING, _TAKEN),
+        On.START_MISFIT: _no(In.WAITING, _MISFIT),
+        On.STOP_BY_MASTER: _yes(In.FREE, Do.RELEASE, Do.DROP, Do.REFUSE, Do.FLOW, Do.ANNOUNCE),
+        On.STOP_BY_OTHER: _no(In.WAITING, _TAKEN),
+        On.TICK_BY_MASTER: _yes(In.WAITING, Do.WAIT),
+        On.TICK_BY_OTHER: _no(In.WAITING, _TAKEN),
+        On.TICK_MISFIT: _no(In.WAITING, _NOT_NEXT),
+        On.TICK_EARLY: _yes(In.WAITING, Do.WAIT),
+        On.TURN: _yes(In.WAITING, Do.MOVE),
+        On.LAST_DONE: _yes(In.LED),
+        On.COMMAND: _yes(In.WAITING, Do.QUEUE),
+        On.COMMAND_TOO_FAR: _no(In.WAITING, _TOO_FAR),
+        On.COMMAND_TOO_MANY: _no(In.WAITING, _TOO_MANY),
+        On.PAUSE: _yes(In.LED_PAUSED, Do.REFUSE, Do.ANNOUNCE),
+        On.RESUME: _yes(In.WAITING),
+        On.LOSS_TO_RUN: _yes(In.FREE, Do.RELEASE, Do.DROP, Do.REFUSE, Do.FLOW, Do.ANNOUNCE),
+        On.LOSS_TO_PAUSE: _yes(In.FREE_PAUSED, Do.RELEASE, Do.DROP, Do.REFUSE, Do.ANNOUNCE),
+        On.LOSS_TO_WAIT: _yes(In.OPEN, Do.RELEASE, Do.DROP, Do.REFUSE, Do.ANNOUNCE),
+        On.RESET: _yes(In.LED, Do.DROP, Do.REFUSE),
     },
 }
 """The states without a pause, and every event that can happen in them."""
 
 _PAUSED_FORM: Final = {
-    SyncState.FREE: SyncState.FREE_PAUSED,
-    SyncState.OPEN: SyncState.OPEN_PAUSED,
-    SyncState.LED: SyncState.LED_PAUSED,
+    In.FREE: In.FREE_PAUSED,
+    In.OPEN: In.OPEN_PAUSED,
+    In.LED: In.LED_PAUSED,
 }
-_REFUSED_IN_PAUSE: Final = frozenset({SyncEvent.TICK_BY_MASTER, SyncEvent.TICK_MISFIT, SyncEvent.TICK_EARLY})
+_REFUSED_IN_PAUSE: Final = frozenset({On.TICK_BY_MASTER, On.TICK_MISFIT, On.TICK_EARLY})
 
 
 def _paused(state: SyncState, *on_resume: SyncEffect) -> dict[SyncEvent, SyncOutcome]:
@@ -257,20 +248,20 @@ def _paused(state: SyncState, *on_resume: SyncEffect) -> dict[SyncEvent, SyncOut
         else replace(
             row,
             state=_PAUSED_FORM.get(row.state, row.state),
-            effects=tuple(effect for effect in row.effects if effect is not SyncEffect.FLOW),
+            effects=tuple(effect for effect in row.effects if effect is not Do.FLOW),
         )
         for event, row in _NOT_PAUSED[state].items()
     }
-    return rows | {SyncEvent.PAUSE: _yes(paused), SyncEvent.RESUME: _yes(state, *on_resume)}
+    return rows | {On.PAUSE: _yes(paused), On.RESUME: _yes(state, *on_resume)}
 
 
 SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
-    SyncState.FREE: _NOT_PAUSED[SyncState.FREE],
-    SyncState.FREE_PAUSED: _paused(SyncState.FREE, SyncEffect.FLOW),
-    SyncState.OPEN: _NOT_PAUSED[SyncState.OPEN],
-    SyncState.OPEN_PAUSED: _paused(SyncState.OPEN),
-    SyncState.LED: _NOT_PAUSED[SyncState.LED],
-    SyncState.LED_PAUSED: _paused(SyncState.LED, SyncEffect.ANNOUNCE),
-    SyncState.WAITING: _NOT_PAUSED[SyncState.WAITING],
+    In.FREE: _NOT_PAUSED[In.FREE],
+    In.FREE_PAUSED: _paused(In.FREE, Do.FLOW),
+    In.OPEN: _NOT_PAUSED[In.OPEN],
+    In.OPEN_PAUSED: _paused(In.OPEN),
+    In.LED: _NOT_PAUSED[In.LED],
+    In.LED_PAUSED: _paused(In.LED, Do.ANNOUNCE),
+    In.WAITING: _NOT_PAUSED[In.WAITING],
 }
 """Every state and every event that can happen in it."""
