@@ -6,8 +6,11 @@ the other members only act on it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.morai.messages.convert import Converter
+from rosbridge_sim.morai.messages.convert import Converter, late_maker
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -76,3 +79,7 @@ class SimulatorParts(Record, eq=False):
     static_tf: StaticTf
     gate: FrameGate
     reader: Reader
+
+    def maker(self, type_name: str, names: str) -> Callable[..., Any]:
+        """Return a function that makes messages of a type; see `late_maker`."""
+        return late_maker(self.bus.store, type_name, names)

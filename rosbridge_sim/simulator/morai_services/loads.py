@@ -23,7 +23,6 @@ from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.participant import Participant, notifier
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.bus.network_settings import Networks, NetworkSettings
@@ -71,9 +70,8 @@ class Loads(Component):
         self._epoch = 0  # number of resets and restores
         context.hooks.on_reset.append(self._drop_reading)
         context.hooks.on_restore.append(self._drop_reading)
-        store = context.bus.store
-        self._make_result = late_maker(store, "morai_msgs/SyncModeResultResponse", "result")
-        self._make_load_result = late_maker(store, "morai_msgs/MoraiSrvResponse", "result")
+        self._make_result = context.maker("morai_msgs/SyncModeResultResponse", "result")
+        self._make_load_result = context.maker("morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services and subscribe to the topic that load scenarios."""

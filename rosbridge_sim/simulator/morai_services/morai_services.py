@@ -25,7 +25,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import AUTO_MODE, lamps_of
 from rosbridge_sim.morai.messages.control import GEARS, gear_of
-from rosbridge_sim.morai.messages.convert import late_maker, time_text
+from rosbridge_sim.morai.messages.convert import time_text
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -60,14 +60,13 @@ class Services(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
-        store = context.bus.store
-        self._make_cmd = late_maker(store, "morai_msgs/SyncModeCmdResponse", "user_id frame result time_step")
-        self._make_tick = late_maker(
-            store, "morai_msgs/WaitForTickResponse", "tick_status pause_status frame vehicle_status time"
+        self._make_cmd = context.maker("morai_msgs/SyncModeCmdResponse", "user_id frame result time_step")
+        self._make_tick = context.maker(
+            "morai_msgs/WaitForTickResponse", "tick_status pause_status frame vehicle_status time"
         )
-        self._make_event = late_maker(store, "morai_msgs/EventInfo", "option ctrl_mode gear lamps set_pause")
-        self._make_lamps = late_maker(store, "morai_msgs/Lamps", "header turnSignal emergencySignal")
-        self._make_result = late_maker(store, "morai_msgs/SyncModeResultResponse", "result")
+        self._make_event = context.maker("morai_msgs/EventInfo", "option ctrl_mode gear lamps set_pause")
+        self._make_lamps = context.maker("morai_msgs/Lamps", "header turnSignal emergencySignal")
+        self._make_result = context.maker("morai_msgs/SyncModeResultResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services, and subscribe to the topics, that exist once for all egos."""

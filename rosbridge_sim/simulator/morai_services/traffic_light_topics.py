@@ -21,7 +21,6 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.mgeo_lights import light_type
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.float32 import round32
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -51,17 +50,14 @@ class TrafficLightTopics(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
-        store = context.bus.store
-        self._make_light = late_maker(
-            store, "morai_msgs/GetTrafficLightStatus", "header trafficLightIndex trafficLightType trafficLightStatus"
+        self._make_light = context.maker(
+            "morai_msgs/GetTrafficLightStatus", "header trafficLightIndex trafficLightType trafficLightStatus"
         )
-        self._make_status = late_maker(
-            store,
-            "morai_msgs/IntersectionStatus",
-            "header intersection_index intersection_status intersection_status_time",
+        self._make_status = context.maker(
+            "morai_msgs/IntersectionStatus", "header intersection_index intersection_status intersection_status_time"
         )
-        self._make_all = late_maker(store, "morai_msgs/IntscnTL", "header idx state delta_time")
-        self._make_info = late_maker(store, "morai_msgs/MoraiTLInfo", "header idx status")
+        self._make_all = context.maker("morai_msgs/IntscnTL", "header idx state delta_time")
+        self._make_info = context.maker("morai_msgs/MoraiTLInfo", "header idx status")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Subscribe to commands for lights and intersections, and offer the service that returns a light's state."""

@@ -8,7 +8,6 @@ from typing import Any
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.reading import answering
@@ -50,7 +49,7 @@ class ProcessService:
         self._status = status
         self._recordings = recordings
         self._loading: Call | None = None  # its recording is being read
-        self._make_result = late_maker(context.bus.store, "morai_msgs/MoraiSrvResponse", "result")
+        self._make_result = context.maker("morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service."""

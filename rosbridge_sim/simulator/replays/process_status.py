@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
@@ -40,10 +39,8 @@ class ProcessStatus:
         self._result, self._commanded_ns = ReplayResult.NONE, 0
         self._published: tuple[int, ...] = ()  # the last status; empty if the next one goes out in any case
         self._sync_state: object = None  # the one that was published last
-        self._make_status = late_maker(
-            context.bus.store,
-            "morai_msgs/MoraiSimProcStatus",
-            "header latest_command_time command_result current_mode current_status",
+        self._make_status = context.maker(
+            "morai_msgs/MoraiSimProcStatus", "header latest_command_time command_result current_mode current_status"
         )
 
     def publish(self, publishers: Publishers) -> None:

@@ -11,7 +11,6 @@ from typing import Final
 from msgspec.structs import astuple
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.morai.messages.object_lists import DEGREES
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -44,15 +43,13 @@ class ReplayInfoPublisher:
         self._context = context
         self._is_showing_drives = is_showing_drives
         self._echoes: dict[int, None] = {}  # fingerprints of own messages, oldest first
-        store = context.bus.store
-        self._make_info = late_maker(
-            store,
+        self._make_info = context.maker(
             "morai_msgs/ReplayInfo",
             "header ego_acc ego_brake ego_steer orientation linear_acceleration angular_velocity num_of_npcs "
             "num_of_pedestrian num_of_obstacle npc_list pedestrian_list obstacle_list",
         )
-        self._vector = late_maker(store, "geometry_msgs/Vector3", "x y z")
-        self._quaternion = late_maker(store, "geometry_msgs/Quaternion", "x y z w")
+        self._vector = context.maker("geometry_msgs/Vector3", "x y z")
+        self._quaternion = context.maker("geometry_msgs/Quaternion", "x y z w")
 
     def publish(self, publishers: Publishers) -> None:
         """Advertise the topic."""

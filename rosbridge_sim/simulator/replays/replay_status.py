@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.replays.playback import Playback
@@ -30,9 +29,7 @@ class ReplayStatus:
         self._context = context
         self._process = process
         self._playback = playback
-        self._make = late_maker(
-            context.bus.store, "rosbridge_sim_msgs/Replay", "header state name duration position speed targets"
-        )
+        self._make = context.maker("rosbridge_sim_msgs/Replay", "header state name duration position speed targets")
 
     def publish(self, publishers: Publishers) -> None:
         """Publish the topic."""

@@ -15,7 +15,6 @@ from rosbridge_sim.document_reading import MistakeNotReadyError
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -49,8 +48,7 @@ class SensorService(Component):
         """Offer nothing yet."""
         self._context = context
         self._mounted = mounted
-        self._make_info = late_maker(
-            context.bus.store,
+        self._make_info = context.maker(
             "rosbridge_sim_msgs/SensorInfo",
             "number kind frame_id topics rate measured skipped x y z roll pitch yaw settings",
         )

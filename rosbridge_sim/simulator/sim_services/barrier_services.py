@@ -12,7 +12,6 @@ from typing import Any
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.participant import Participant, explain, remark
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -30,8 +29,7 @@ class BarrierServices(Component):
         """Register with the barrier of `context`; offer nothing yet."""
         self._context = context
         self._topic: LatchedPublisher | None = None
-        self._make = late_maker(
-            context.bus.store,
+        self._make = context.maker(
             "rosbridge_sim_msgs/Barrier",
             "frame is_paused time_step deadline_s members ticked waited_for joining leaving late_counts",
         )

@@ -14,7 +14,6 @@ import numpy as np
 
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -38,9 +37,7 @@ class Contacts(Component):
         self._context = context
         self._publisher: PeriodicPublisher | None = None
         self._before: IntArray = NO_CONTACTS
-        self._make = late_maker(
-            context.bus.store, "rosbridge_sim_msgs/Contact", "header frame id kind name x y z relative_speed"
-        )
+        self._make = context.maker("rosbridge_sim_msgs/Contact", "header frame id kind name x y z relative_speed")
         context.hooks.after_frame.append(self._after_frame)
         context.bus.on_topic.append(self._note_subscriber)
         self._is_following = True

@@ -11,7 +11,6 @@ from typing import Any, Final
 
 from rosbridge_sim.graph.participant import Participant, address_of
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
@@ -30,15 +29,13 @@ class Drivers(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
-        store = context.bus.store
-        self._make = late_maker(
-            store,
+        self._make = context.maker(
             "rosbridge_sim_msgs/Drivers",
             "header frame is_paused is_synchronous is_replaying master master_clients barrier_members "
             "time_step real_time_factor egos",
         )
-        self._make_ego = late_maker(
-            store, "rosbridge_sim_msgs/EgoDriver", "unique_id ctrl_mode gear driver client publishers"
+        self._make_ego = context.maker(
+            "rosbridge_sim_msgs/EgoDriver", "unique_id ctrl_mode gear driver client publishers"
         )
         context.hooks.on_leave.append(self._forget)
 

@@ -19,7 +19,6 @@ from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting, GhostPose
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
@@ -69,8 +68,7 @@ class Population(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
-        self._make_model = late_maker(
-            context.bus.store,
+        self._make_model = context.maker(
             "rosbridge_sim_msgs/ModelInfo",
             "name kind is_own can_be_ego data_ids length width height wheelbase front_overhang rear_overhang "
             "max_steer_deg max_accel max_decel mass",

@@ -13,7 +13,6 @@ from typing import Any, Final
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -52,7 +51,7 @@ class RoadServices(Component):
         self._num_waiting = 0
         self._drawing: MapDrawing | None = None
         self._drawn: object = None  # the map that `_drawing` is of
-        self._make_point = late_maker(context.bus.store, "geometry_msgs/Point", "x y z")
+        self._make_point = context.maker("geometry_msgs/Point", "x y z")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

@@ -11,7 +11,6 @@ from typing import Any, Final, Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -110,13 +109,11 @@ class Scenarios(Component):
         self._context = context
         self._shelf = shelf
         self._num_waiting = 0
-        store = context.bus.store
-        self._make_scenario = late_maker(
-            store,
+        self._make_scenario = context.maker(
             "rosbridge_sim_msgs/ScenarioInfo",
             "name map num_egos num_vehicles num_pedestrians num_obstacles is_loaded problem",
         )
-        self._make_recording = late_maker(store, "rosbridge_sim_msgs/RecordingInfo", "name size modified")
+        self._make_recording = context.maker("rosbridge_sim_msgs/RecordingInfo", "name size modified")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

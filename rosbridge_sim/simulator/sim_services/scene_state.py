@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.scenery.moving.looks import paints
 from rosbridge_sim.scenery.scene_frame import SceneLayout
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
@@ -63,14 +62,12 @@ class SceneState(Component):
         """Publish nothing yet."""
         self._context = context
         self._road_services = road_services
-        self._make = late_maker(
-            context.bus.store,
+        self._make = context.maker(
             "rosbridge_sim_msgs/SceneState",
             "header frame map_digest scenario id kind x y z roll pitch heading speed length width height "
             "center_x shape paint lamps flags light_state light_time_left",
         )
-        self._make_view = late_maker(
-            context.bus.store,
+        self._make_view = context.maker(
             "rosbridge_sim_msgs/SceneView",
             "header frame map_digest scenario origin_x origin_y origin_z id kind x y z roll pitch heading "
             "speed look sizes shapes paints lamps flags light_state light_time_left",

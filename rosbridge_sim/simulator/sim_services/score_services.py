@@ -17,7 +17,6 @@ from typing import Any, Final
 
 from rosbridge_sim.graph.topics_services import Call, Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import asdict
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -48,10 +47,8 @@ class Scores(Component):
         self._verdict = verdict
         self._is_always = is_always
         self._publisher: PeriodicPublisher | None = None
-        store = context.bus.store
-        self._make_message = late_maker(store, "rosbridge_sim_msgs/Scores", "header scores verdict")
-        self._make_score = late_maker(
-            store,
+        self._make_message = context.maker("rosbridge_sim_msgs/Scores", "header scores verdict")
+        self._make_score = context.maker(
             "rosbridge_sim_msgs/EgoScore",
             "unique_id since_frame distance collisions collision_ids red_lights stop_lines lane_invasions "
             "off_road_time is_off_road time_to_collision min_time_to_collision lane_offset mean_lane_offset "

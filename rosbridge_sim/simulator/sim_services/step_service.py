@@ -26,7 +26,6 @@ from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, check_reading, may_read, notifier, resolve
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -199,7 +198,7 @@ class StepService(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self.context = context
-        self._make_sample = late_maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic type message")
+        self._make_sample = context.maker("rosbridge_sim_msgs/TopicSample", "topic type message")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

@@ -24,7 +24,6 @@ from rosbridge_sim.errors import DocumentError, PeerError, Reason
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -103,8 +102,8 @@ class Snapshots(Component):
         after_frame.append(publish_hash)
         context.bus.on_topic.append(lambda _topic: after_frame.wake(publish_hash))
         store = context.bus.store
-        self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id frame size state_hash")
-        self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header frame hash")
+        self._make_info = context.maker("rosbridge_sim_msgs/SnapshotInfo", "id frame size state_hash")
+        self._make_hash = context.maker("rosbridge_sim_msgs/StateHash", "header frame hash")
         types = [store.definition(f"morai_msgs/{name}") for name in HASHED_TYPES]
         fields = [[(field.type, field.name) for field in one.fields] for one in types]
         self._definitions = blake2b(repr(fields).encode(), digest_size=8).digest()
