@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import Protocol, Self
 
 from rosbridge_sim.client.frames import Frame, Inbox
@@ -105,8 +104,6 @@ class AsyncSubscription:
         """Return the subscription itself."""
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """End the subscription."""
         await self.close()

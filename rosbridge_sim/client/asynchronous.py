@@ -13,7 +13,6 @@ import math
 import ssl
 from collections.abc import Mapping
 from contextlib import suppress
-from types import TracebackType
 from typing import Any, ClassVar, Literal, Self
 
 from websockets.asyncio.client import connect
@@ -139,9 +138,7 @@ class AsyncClient(SimulatorRequests):
         """Connect."""
         return await self.open()
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Disconnect."""
         await self.close()
 

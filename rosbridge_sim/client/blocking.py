@@ -10,7 +10,6 @@ import ssl
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from functools import wraps
-from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
@@ -131,9 +130,7 @@ class Client:
         """Connect."""
         return self.open()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Disconnect."""
         self.close()
 
@@ -262,8 +259,6 @@ class Subscription:
         """Return the subscription itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the subscription."""
         self.close()
