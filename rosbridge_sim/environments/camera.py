@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, mount
-from rosbridge_sim.scenery.pictures import Channel
+from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
@@ -55,7 +55,7 @@ class EgoCameras:
                 pose = mount(Pose(*(float(getattr(world, name)[row]) for name in names)), PLACE)
                 without = int(world.uid[row])
                 picture = self._renderer.render(
-                    self._mesh, frame, self._model, pose, without=without, channels=Channel.RGB
+                    self._mesh, frame, self._model, pose, PictureChoices(without=without, channels=Channel.RGB)
                 )
                 assert picture.rgb is not None
                 pictures[i, j] = picture.rgb

@@ -84,20 +84,30 @@ class Hits(Record, eq=False):
     normals: NDArray[np.float32]
 
 
+class PictureChoices(Record):
+    """Choices for a picture.
+
+    Attributes:
+        weather: light and air.
+        without: id of the entity that is left out, the one that carries the camera; `NOBODY` for none.
+        channels: the parts of the picture that are wanted.
+        is_smooth: colours are the mean of several samples of a pixel.
+    """
+
+    weather: Weather = Weather.NOON
+    without: int = NOBODY
+    channels: Channel = Channel.ALL
+    is_smooth: bool = True
+
+
+USUAL: Final = PictureChoices()
+
+
 class PictureMaker(Protocol):
     """Draws pictures. It belongs to the thread that made it."""
 
     def render(
-        self,
-        static: Mesh,
-        frame: SceneFrame,
-        camera: CameraModel,
-        pose: Pose,
-        weather: Weather = Weather.NOON,
-        *,
-        without: int = NOBODY,
-        channels: Channel = Channel.ALL,
-        is_smooth: bool = True,
+        self, static: Mesh, frame: SceneFrame, camera: CameraModel, pose: Pose, choices: PictureChoices = USUAL
     ) -> Picture:
         """Return the picture of a scene.
 
@@ -105,8 +115,6 @@ class PictureMaker(Protocol):
             static: what does not move. It is prepared once and kept while the same object is given.
             camera: size, field of view and distortion.
             pose: of the camera in the map frame.
-            without: id of the entity that is left out, the one that carries the camera; `NOBODY` for none.
-            channels: the parts of the picture that are wanted.
         """
         ...
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
-from rosbridge_sim.scenery.pictures import EXTINCTION, NOBODY, Channel, Picture, Weather
+from rosbridge_sim.scenery.pictures import EXTINCTION, USUAL, Channel, Picture, PictureChoices, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.shell.rendering import shaders
 from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer, planes_of
@@ -78,19 +78,9 @@ class CameraRenderer:
         return list(self._targets)
 
     def render(
-        self,
-        static: Mesh,
-        frame: SceneFrame,
-        camera: CameraModel,
-        pose: Pose,
-        weather: Weather = Weather.NOON,
-        *,
-        without: int = NOBODY,
-        channels: Channel = Channel.ALL,
-        is_smooth: bool = True,
+        self, static: Mesh, frame: SceneFrame, camera: CameraModel, pose: Pose, choices: PictureChoices = USUAL
     ) -> Picture:
         """Return the picture of a scene; see `scenery.pictures.PictureMaker`."""
-        wanted = _Wanted(weather, without, channels, SAMPLES if is_smooth else 0)
         with self._context:  # another renderer of this thread may have been used since
             place, axes = np.array(pose[:3]), rotation(*pose[3:])
             lens = self._lens(camera) if camera.is_distorted else None
@@ -98,7 +88,7 @@ class CameraRenderer:
             sights = [(plane, *_matrices(plane, turn, place - static.origin)) for plane, turn in planes]
             which = np.any([_is_in_view(frame, static.origin, view) for _, view, _ in sights], axis=0)
             self._take_moving(frame, static, place, which)
-            pictures = [self._draw(static, frame, sight, place - static.origin, wanted) for sight in sights]
+            pictures = [self._draw(static, frame, sight, place - static.origin, choices) for sight in sights]
             return pictures[0] if lens is None else lens.bend(pictures)
 
     def _draw(
@@ -107,18 +97,17 @@ class CameraRenderer:
         frame: SceneFrame,
         sight: tuple[CameraModel, FloatArray, FloatArray],
         eye: FloatArray,
-        wanted: _Wanted,
+        choices: PictureChoices,
     ) -> Picture:
         """Return a picture without distortion; what moves is there already."""
-        weather, without, channels, samples = wanted
-        look = LOOKS[weather]
+        channels, without, look = choices.channels, choices.without, LOOKS[choices.weather]
         cells = self._take_static(static)
         camera, view, back = sight
-        targets = self._target(camera, samples)
+        targets = self._target(camera, SAMPLES if choices.is_smooth else 0)
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
         rgb = depth = label = instance = None
         if Channel.RGB in channels:
-            programs = self._programs(weather, frame, view, eye, origin=static.origin, without=without)
+            programs = self._programs(choices.weather, frame, view, eye, origin=static.origin, without=without)
             targets.begin_colours(look.horizon)
             self._context.enable_only(self._context.DEPTH_TEST)
             self._moving.draw(movers, programs[Coat.PLAIN])
@@ -245,15 +234,6 @@ MAX_TARGET_PIXELS: Final = 4_000_000
 
 MAX_LENSES: Final = 8
 """Lenses that are kept prepared."""
-
-
-class _Wanted(NamedTuple):
-    """Choices for a picture: see `scenery.pictures.PictureMaker`; `samples` of a pixel, 0 for plain ones."""
-
-    weather: Weather
-    without: int
-    channels: Channel
-    samples: int
 
 
 def _is_in_view(frame: SceneFrame, origin: FloatArray, view: FloatArray) -> NDArray[np.bool_]:

@@ -14,7 +14,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.camera_geometry import CameraModel, mount
 from rosbridge_sim.scenery.mesh import Mesh
-from rosbridge_sim.scenery.pictures import Channel
+from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_picture
@@ -166,12 +166,8 @@ class PictureSpec(DrawnSpec, frozen=True, kw_only=True):
             channels |= Channel.INSTANCE | Channel.DEPTH | Channel.LABEL
         if sight.is_for_file:
             channels |= Channel.RGB
-        picture = makers.pictures().render(
-            *(static, job.frame, camera, pose, job.weather),
-            without=sight.carrier,
-            channels=channels,
-            is_smooth=self.antialiasing,
-        )
+        choices = PictureChoices(job.weather, sight.carrier, channels, self.antialiasing)
+        picture = makers.pictures().render(static, job.frame, camera, pose, choices)
         if sight.errors is not None and picture.rgb is not None:
             chance = sight.errors.generator(self.frame_id)
             picture = replace(picture, rgb=disturb_picture(picture.rgb, sight.errors.noise.camera, chance))

@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.scenery.camera_geometry import CameraModel, FisheyeModel, Pose, boxes_in_view, mount, rotation
 from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
-from rosbridge_sim.scenery.pictures import Channel, Weather
+from rosbridge_sim.scenery.pictures import Channel, PictureChoices, Weather
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.rendering import camera_renderer
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
@@ -40,7 +40,7 @@ def edges_of(mask: np.ndarray) -> tuple[float, float, float, float]:
 def test_cube_appears_where_its_corners_are_projected(pose: Pose, fov: float) -> None:
     camera = CameraModel(640, 480, fov)
     low, high = (9.0, -0.5, 0.3), (10.0, 0.5, 1.3)
-    picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose, channels=CLASSES)
+    picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose, PictureChoices(channels=CLASSES))
     corners = np.array([(x, y, z) for x in (9.0, 10.0) for y in (-0.5, 0.5) for z in (0.3, 1.3)])
     place, _ = project(camera, pose, corners)
     assert picture.instance is not None
@@ -51,7 +51,7 @@ def test_cube_appears_where_its_corners_are_projected(pose: Pose, fov: float) ->
 
 def test_depth_is_that_of_a_plane_to_a_tenth_of_a_per_mille() -> None:
     pose = Pose(0.0, 0.0, 2.0, pitch=math.radians(7.0))
-    picture = open_renderer().render(ground_mesh(), nothing(), CAMERA, pose, channels=CLASSES)
+    picture = open_renderer().render(ground_mesh(), nothing(), CAMERA, pose, PictureChoices(channels=CLASSES))
     assert picture.depth is not None
     assert picture.label is not None
     rays = CAMERA.rays.astype(np.float64)
@@ -66,7 +66,7 @@ def test_depth_is_that_of_a_plane_to_a_tenth_of_a_per_mille() -> None:
 
 def test_nearer_thing_hides_the_farther_one() -> None:
     scene = join_meshes([box_mesh((10, -1, 0), (11, 1, 2), 1), box_mesh((20, -4, 0), (21, 4, 2), 2)])
-    picture = open_renderer().render(scene, nothing(), CAMERA, Pose(0, 0, 1.0), channels=CLASSES)
+    picture = open_renderer().render(scene, nothing(), CAMERA, Pose(0, 0, 1.0), PictureChoices(channels=CLASSES))
     assert picture.instance is not None
     assert picture.instance[240, 320] == 1
     assert picture.instance[240, 320 - 50] == 2
@@ -83,7 +83,7 @@ def test_silhouettes_fill_the_boxes_of_entities() -> None:
         put(world, name, x, y, yaw=yaw)
     frame, pose = take_frame(world), Pose(0, 0, 1.5)
     boxes = boxes_in_view(frame, CAMERA, pose)
-    picture = open_renderer().render(ground_mesh(), frame, CAMERA, pose, channels=CLASSES)
+    picture = open_renderer().render(ground_mesh(), frame, CAMERA, pose, PictureChoices(channels=CLASSES))
     assert picture.instance is not None
     assert boxes.rows.tolist() == [0, 1, 2, 3]
     for row, bounds in zip(boxes.rows, boxes.bounds, strict=True):
@@ -105,7 +105,7 @@ def test_carrier_of_a_camera_is_not_in_its_picture() -> None:
     own = put(world, "2016_Hyundai_Ioniq", 0, 0)
     other = put(world, "2016_Hyundai_Ioniq", 12, 0)
     picture = open_renderer().render(
-        ground_mesh(), take_frame(world), CAMERA, Pose(1.5, 0, 1.4), without=own, channels=CLASSES
+        ground_mesh(), take_frame(world), CAMERA, Pose(1.5, 0, 1.4), PictureChoices(without=own, channels=CLASSES)
     )
     assert picture.instance is not None
     assert set(np.unique(picture.instance)) == {0, other + 1}
@@ -115,7 +115,9 @@ def test_vehicle_whose_nose_alone_is_in_the_picture_is_drawn() -> None:
     world = World()
     bus = put(world, "Bus", -4.0, 3.0, yaw=0.0)  # its rear axle is behind the camera
     bicycle = put(world, "Bicycle", 3.0, -2.8, yaw=-0.5 * math.pi)  # its rear wheel alone is in the picture
-    picture = open_renderer().render(ground_mesh(), take_frame(world), CAMERA, Pose(0, 0, 1.5), channels=CLASSES)
+    picture = open_renderer().render(
+        ground_mesh(), take_frame(world), CAMERA, Pose(0, 0, 1.5), PictureChoices(channels=CLASSES)
+    )
     assert picture.instance is not None
     assert set(np.unique(picture.instance)) == {0, bus + 1, bicycle + 1}
 
@@ -126,7 +128,7 @@ def test_cameras_of_one_frame_see_each_their_own_side() -> None:
     frame = take_frame(world)
     for yaw, seen in ((0.0, ahead), (math.pi, behind), (0.0, ahead)):
         pose = Pose(0, 0, 1.5, yaw=yaw)
-        picture = open_renderer().render(ground_mesh(), frame, CAMERA, pose, channels=CLASSES)
+        picture = open_renderer().render(ground_mesh(), frame, CAMERA, pose, PictureChoices(channels=CLASSES))
         assert picture.instance is not None
         assert set(np.unique(picture.instance)) == {0, seen + 1}
 
@@ -134,7 +136,9 @@ def test_cameras_of_one_frame_see_each_their_own_side() -> None:
 def test_entities_are_drawn_up_to_their_reach() -> None:
     world, camera = World(), CameraModel(640, 480, 4.0)
     ids = [put(world, "Bus", x, y) for x, y in ((370.0, 4.0), (460.0, -4.0))]
-    picture = open_renderer().render(ground_mesh(), take_frame(world), camera, Pose(0, 0, 1.5), channels=CLASSES)
+    picture = open_renderer().render(
+        ground_mesh(), take_frame(world), camera, Pose(0, 0, 1.5), PictureChoices(channels=CLASSES)
+    )
     assert picture.instance is not None
     assert set(np.unique(picture.instance)) == {0, ids[0] + 1}
 
@@ -143,7 +147,9 @@ def test_plain_picture_has_no_mixed_colours_at_the_edges_of_things() -> None:
     scene, pose = box_mesh((10, -1, 0), (11, 1, 2)), Pose(0, 0, 1.0, roll=0.2)
     colours = []
     for is_smooth in (False, True):
-        picture = open_renderer().render(scene, nothing(), CAMERA, pose, channels=Channel.RGB, is_smooth=is_smooth)
+        picture = open_renderer().render(
+            scene, nothing(), CAMERA, pose, PictureChoices(channels=Channel.RGB, is_smooth=is_smooth)
+        )
         assert picture.rgb is not None
         around = picture.rgb[180:300, 260:380].reshape(-1, 3)
         colours.append(len(np.unique(around[around[:, 0] > around[:, 2]], axis=0)))  # red, not sky
@@ -152,7 +158,9 @@ def test_plain_picture_has_no_mixed_colours_at_the_edges_of_things() -> None:
 
 
 def test_parts_that_are_not_wanted_are_not_made() -> None:
-    picture = open_renderer().render(ground_mesh(), nothing(), CAMERA, Pose(0, 0, 1.0), channels=Channel.RGB)
+    picture = open_renderer().render(
+        ground_mesh(), nothing(), CAMERA, Pose(0, 0, 1.0), PictureChoices(channels=Channel.RGB)
+    )
     assert picture.depth is None
     assert picture.label is None
     assert picture.instance is None
@@ -165,7 +173,7 @@ def test_same_scene_gives_the_same_bytes() -> None:
     _, static = built_in("town")
     pictures = []
     for weather in (Weather.NOON, Weather.NIGHT, Weather.NOON):
-        picture = open_renderer().render(static, frame, CAMERA, Pose(0, 0, 1.5), weather)
+        picture = open_renderer().render(static, frame, CAMERA, Pose(0, 0, 1.5), PictureChoices(weather=weather))
         assert picture.rgb is not None
         pictures.append(picture.rgb.tobytes())
     assert pictures[0] == pictures[2]
@@ -175,7 +183,9 @@ def test_same_scene_gives_the_same_bytes() -> None:
 def test_sizes_that_were_used_are_not_kept_without_bound() -> None:
     renderer = CameraRenderer()
     for width in range(1_000, 3_000, 100):
-        renderer.render(ground_mesh(), nothing(), CameraModel(width, 720), Pose(0, 0, 1.0), channels=CLASSES)
+        renderer.render(
+            ground_mesh(), nothing(), CameraModel(width, 720), Pose(0, 0, 1.0), PictureChoices(channels=CLASSES)
+        )
     assert sum(width * height for width, height, _ in renderer.sizes) <= 4_000_000
     renderer.close()
 
@@ -223,7 +233,8 @@ def test_fisheye_shows_a_box_beside_the_camera_where_the_model_says() -> None:
 def test_sky_has_its_colour_at_each_height_however_the_camera_is_turned(roll: float, pitch: float) -> None:
     camera = CameraModel(80, 60, 90.0)
     picture = open_renderer().render(
-        *(ground_mesh(1.0), nothing(), camera, Pose(500.0, 0.0, 2.0, roll, pitch, 0.7)), channels=Channel.RGB
+        *(ground_mesh(1.0), nothing(), camera, Pose(500.0, 0.0, 2.0, roll, pitch, 0.7)),
+        PictureChoices(channels=Channel.RGB),
     )
     rows, columns = np.mgrid[:60, :80]
     ahead = np.full(rows.shape, camera.focal)
@@ -244,7 +255,7 @@ def test_patterns_of_asphalt_and_grass_are_there_until_they_have_faded_away(labe
     for first in (0.9 * fades - 3.0, fades):  # farther than `fades` from the eye, which is above the ground
         corners = np.array([(x, y, 0.0) for x in (first, first + 3.0) for y in (-2.0, 2.0)], dtype=np.float32)
         strip = Mesh.of(corners, np.array([[0, 2, 1], [1, 2, 3]], dtype=np.int32), (97, 97, 99), label)
-        picture = open_renderer().render(strip, nothing(), camera, eye, is_smooth=False)
+        picture = open_renderer().render(strip, nothing(), camera, eye, PictureChoices(is_smooth=False))
         assert picture.rgb is not None
         assert picture.label is not None
         shown = picture.rgb[picture.label == label]

@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import PAINTED, Label, Mesh, join_meshes
-from rosbridge_sim.scenery.pictures import Channel
+from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
@@ -149,7 +149,9 @@ def test_lidar_and_camera_agree_on_depth_to_two_centimetres_at_twenty_metres() -
     put(world, "Van", 20, 1, yaw=0.2)
     frame, pose = take_frame(world), Pose(0.0, 0.0, 1.5)
     camera = CameraModel(640, 480, 90.0)
-    picture = open_renderer().render(ground_mesh(), frame, camera, pose, channels=Channel.ALL & ~Channel.RGB)
+    picture = open_renderer().render(
+        ground_mesh(), frame, camera, pose, PictureChoices(channels=Channel.ALL & ~Channel.RGB)
+    )
     assert picture.depth is not None
     assert picture.instance is not None
     flat = camera.rays.astype(np.float64)
