@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.participant import address_of
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
@@ -16,6 +16,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sim_services.late_answers import failing
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
@@ -50,18 +51,13 @@ class Describe(Component):
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service that exists once, not for each ego."""
-        bindings.provide("sim/describe", "rosbridge_sim_msgs/Describe", self._tell)
+        bindings.provide("sim/describe", "rosbridge_sim_msgs/Describe", failing(self._tell))
 
     def _tell(self, call: Call, _now: float) -> None:
         request: Any = call.request
-        try:
-            if self._context.stepper.is_moving:  # half of the world would be of the frame before
-                raise GraphError("a frame is being computed; call between two frames", reason=Reason.NOT_NOW)
-            fields = self._describe(request.id)
-        except PeerError as error:
-            call.fail(error)
-            return
-        call.respond(result=True, **fields)
+        if self._context.stepper.is_moving:  # half of the world would be of the frame before
+            raise GraphError("a frame is being computed; call between two frames", reason=Reason.NOT_NOW)
+        call.respond(result=True, **self._describe(request.id))
 
     def _describe(self, number: int) -> dict[str, Any]:
         """Return the fields of the response.

@@ -7,10 +7,9 @@ the `Reader`, in a thread as a rule, one at a time; only its client waits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any, Final
 
-from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import replace
@@ -19,7 +18,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
-from rosbridge_sim.simulator.plain.reading import answering
+from rosbridge_sim.simulator.sim_services.late_answers import LateAnswers, failing
 from rosbridge_sim.simulator.sim_services.object_parsing import find_link
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.road_places import find_lane, is_on_road
@@ -48,16 +47,16 @@ class RoadServices(Component):
     def __init__(self, context: SimulatorContext) -> None:
         """Offer nothing yet."""
         self._context = context
-        self._num_waiting = 0
+        self._late = LateAnswers(context)
         self._drawing: MapDrawing | None = None
         self._drawn: object = None  # the map that `_drawing` is of
         self._make_point = context.maker("geometry_msgs/Point", "x y z")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
-        bindings.provide("sim/map", "rosbridge_sim_msgs/Map", self._tell_map)
-        bindings.provide("sim/route", "rosbridge_sim_msgs/Route", self._tell_route)
-        bindings.provide("sim/nearest_lane", "rosbridge_sim_msgs/NearestLane", self._tell_nearest_lane)
+        bindings.provide("sim/map", "rosbridge_sim_msgs/Map", failing(self._tell_map))
+        bindings.provide("sim/route", "rosbridge_sim_msgs/Route", failing(self._tell_route))
+        bindings.provide("sim/nearest_lane", "rosbridge_sim_msgs/NearestLane", failing(self._tell_nearest_lane))
 
     # The map
 
@@ -79,9 +78,7 @@ class RoadServices(Component):
         request: Any = call.request
         drawing = self.drawing
         if request.page >= drawing.num_pages:
-            text = f"page: expected 0..{drawing.num_pages - 1}, got {request.page}"
-            call.fail(FieldError(text))
-            return
+            raise FieldError(f"page: expected 0..{drawing.num_pages - 1}, got {request.page}")
         call.respond(**drawing.page(request.page))
 
     # Routes
@@ -89,14 +86,10 @@ class RoadServices(Component):
     def _tell_route(self, call: Call, now: float) -> None:
         request: Any = call.request
         roads = self._context.world.roads
-        try:
-            start, goal = _read_place(request.start, "start", roads), _read_place(request.goal, "goal", roads)
-            if len(roads) > MAX_LANES_AT_ONCE and self._num_waiting >= MAX_WAITING_ROUTES:
-                text = f"{MAX_WAITING_ROUTES} routes are being found; ask again after one of the answers"
-                raise GraphError(text, reason=Reason.TOO_FAST)
-        except PeerError as error:
-            call.fail(error)
-            return
+        start, goal = _read_place(request.start, "start", roads), _read_place(request.goal, "goal", roads)
+        if len(roads) > MAX_LANES_AT_ONCE and self._late.num_waiting >= MAX_WAITING_ROUTES:
+            text = f"{MAX_WAITING_ROUTES} routes are being found; ask again after one of the answers"
+            raise GraphError(text, reason=Reason.TOO_FAST)
 
         def find() -> _Found:
             route = find_route(roads, *start, *goal)
@@ -119,36 +112,17 @@ class RoadServices(Component):
         if len(roads) <= MAX_LANES_AT_ONCE:
             answer(find())
         else:
-            self._find_later(call, find, answer, now)
-
-    def _find_later(self, call: Call, find: Callable[[], _Found], answer: Callable[[_Found], None], now: float) -> None:
-        """Find a route by the reader."""
-
-        def then(found: _Found | DocumentError, _now: float) -> None:
-            self._num_waiting -= 1
-            if call.is_done:
-                return
-            if isinstance(found, DocumentError):
-                call.fail(GraphError(str(found)))
-            else:
-                answer(found)
-
-        self._num_waiting += 1
-        self._context.reader.read(find, answering(call.refuse, then), now)
+            self._late.find(call, find, answer, now)
 
     # Lanes
 
     def _tell_nearest_lane(self, call: Call, _now: float) -> None:
         request: Any = call.request
         roads = self._context.world.roads
-        try:
-            x, y, yaw = _read_point(request, "")
-            near = find_lane(roads, x, y, yaw)
-            if near is None:
-                raise GraphError("the map has no lanes", reason=Reason.REFUSED)
-        except PeerError as error:
-            call.fail(error)
-            return
+        x, y, yaw = _read_point(request, "")
+        near = find_lane(roads, x, y, yaw)
+        if near is None:
+            raise GraphError("the map has no lanes", reason=Reason.REFUSED)
         call.respond(
             result=True,
             link=roads.ids[near.lane],

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol, TypeVar
 
-from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import answering
+from rosbridge_sim.simulator.sim_services.late_answers import LateAnswers, failing
 
 MAX_LISTED: Final = 50
 """Scenarios of one answer: each is a file of 10 to 100 kB that is read, some 2 ms."""
@@ -108,7 +108,7 @@ class Scenarios(Component):
         """
         self._context = context
         self._shelf = shelf
-        self._num_waiting = 0
+        self._late = LateAnswers(context)
         self._make_scenario = context.maker(
             "rosbridge_sim_msgs/ScenarioInfo",
             "name map num_egos num_vehicles num_pedestrians num_obstacles is_loaded problem",
@@ -117,8 +117,8 @@ class Scenarios(Component):
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
-        bindings.provide("sim/scenarios", "rosbridge_sim_msgs/Scenarios", self._tell_list)
-        bindings.provide("sim/scenario_picture", "rosbridge_sim_msgs/ScenarioPicture", self._tell_picture)
+        bindings.provide("sim/scenarios", "rosbridge_sim_msgs/Scenarios", failing(self._tell_list))
+        bindings.provide("sim/scenario_picture", "rosbridge_sim_msgs/ScenarioPicture", failing(self._tell_picture))
 
     def _tell_list(self, call: Call, now: float) -> None:
         request: Any = call.request
@@ -174,25 +174,13 @@ class Scenarios(Component):
             choose: checks the request, and returns the work.
             answer: returns the fields of the response.
         """
-        try:
-            if self._shelf is None:
-                raise GraphError("this simulator has no folder with scenarios", reason=Reason.REFUSED)
-            if self._num_waiting >= MAX_WAITING:
-                text = f"{MAX_WAITING} lists and pictures are being made; ask again after one of the answers"
-                raise GraphError(text, reason=Reason.TOO_FAST)
-            work = choose(self._shelf)
-        except PeerError as error:
-            call.fail(error)
-            return
+        if self._shelf is None:
+            raise GraphError("this simulator has no folder with scenarios", reason=Reason.REFUSED)
+        if self._late.num_waiting >= MAX_WAITING:
+            text = f"{MAX_WAITING} lists and pictures are being made; ask again after one of the answers"
+            raise GraphError(text, reason=Reason.TOO_FAST)
 
-        def then(outcome: T | DocumentError, _now: float) -> None:
-            self._num_waiting -= 1
-            if call.is_done:
-                return
-            if isinstance(outcome, DocumentError):
-                call.fail(GraphError(str(outcome), reason=Reason.REFUSED))
-            else:
-                call.respond(result=True, **answer(outcome))
+        def tell(found: T) -> None:
+            call.respond(result=True, **answer(found))
 
-        self._num_waiting += 1
-        self._context.reader.read(work, answering(call.refuse, then), now)
+        self._late.find(call, choose(self._shelf), tell, now, Reason.REFUSED)
