@@ -90,7 +90,7 @@ simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain si
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
 simulator.sensors: * document_reading documents graph maps morai.messages scenery schema simulator.bus simulator.kernel
     simulator.plain world.geometry world.state world.vehicle
-simulator.sensor_services: * document_reading graph morai.messages simulator.bus simulator.kernel simulator.plain
+simulator.sensor_services: * document_reading graph simulator.bus simulator.kernel simulator.plain
     simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
@@ -103,7 +103,7 @@ simulator.replays: * graph morai.messages scenarios schema simulator.bus simulat
     simulator.scene units world world.geometry world.state
 simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain
     simulator.scene world.drivers world.geometry world.lane_changes world.state
-simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
+simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
 simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel
     simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
