@@ -60,6 +60,11 @@ class Element:
         """Return the first child with this name; None if there is none."""
         return next(self.all(tag), None)
 
+    def within(self, tag: str) -> list[Element] | tuple[Element, ...]:
+        """Return the children of the first child with this name; none if there is none."""
+        child = self.first(tag)
+        return () if child is None else child.children
+
     def error(self, key: str, expected: str, got: str | None = None, more: str = "") -> DocumentError:
         """Return the error for one of its attributes, or for itself where the key is empty.
 

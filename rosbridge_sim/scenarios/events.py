@@ -33,7 +33,6 @@ from rosbridge_sim.scenarios.openscenario.story import check_story, each_item, r
 from rosbridge_sim.scenarios.openscenario.story_records import (
     BLOCKS,
     MAX_STORY_BYTES,
-    Findings,
     Story,
     StoryItem,
     StoryText,
@@ -101,16 +100,8 @@ def blocks_story(text: StoryText) -> Story:
         text=text,
         entities={at: _item("ScenarioObject", name=at) for at in (EGO, *blocks.vehicles, *blocks.items)},
         ego=EGO,
-        controllers={},
-        holds={},
         init=_item("Actions"),
         storyboard=_item("Storyboard", _item("Story", act, name="rosbridge_sim")),
-        evaluation=None,
-        parameters={},
-        variables={},
-        map_file="",
-        map_name="",
-        findings=Findings(),
     )
     check_story(story)
     for mistake in story.findings.mistakes:

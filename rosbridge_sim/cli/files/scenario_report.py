@@ -263,24 +263,27 @@ def _account_story(
 
 
 def _story_row(spawn: Spawn) -> _Report:
-    body = spawn.model.body
+    way = "the ego" if spawn.kind is Kind.EGO else "by the story"
+    return {**_placed_row(spawn, spawn.name), "model": spawn.model.name, "way": way}
+
+
+def _placed_row(spawn: Spawn, at: str) -> _Report:
+    """Return what is reported of each item."""
+    body, is_placed = spawn.model.body, spawn.is_placed
     return {
-        "at": spawn.name,
+        "at": at,
         "kind": spawn.kind.name.lower(),
-        "model": spawn.model.name,
+        "model": spawn.name,
         "is_replaced": False,
         "is_scaled": False,
-        "id": None,
-        "x": spawn.x,
-        "y": spawn.y,
-        "z": spawn.z,
-        "heading_deg": math.degrees(spawn.yaw),
+        "id": spawn.uid,
+        **{axis: getattr(spawn, axis) if is_placed else None for axis in "xyz"},
+        "heading_deg": math.degrees(spawn.yaw) if is_placed else None,
         "roll_deg": math.degrees(spawn.roll),
         "pitch_deg": math.degrees(spawn.pitch),
         "size": [body.length, body.width, body.height],
-        "link": None,
-        "speed_kmh": 0.0,
-        "way": "the ego" if spawn.kind is Kind.EGO else "by the story",
+        "link": spawn.link,
+        "speed_kmh": spawn.speed * MPS_TO_KMH,
     }
 
 
@@ -337,22 +340,10 @@ def _items(scenario: Scenario, document: JsonValue, catalogue: Catalogue) -> Ite
         item = document[key][int(number)] if number else document[key]
         data_id = item.get("DataID")
         yield {
-            "at": spawn.where,
-            "kind": spawn.kind.name.lower(),
-            "model": spawn.name,
+            **_placed_row(spawn, spawn.where),
             "data_id": data_id,
             "is_replaced": _is_replaced(item, spawn.kind, catalogue),
-            "id": spawn.uid,
-            "x": spawn.x if spawn.is_placed else None,
-            "y": spawn.y if spawn.is_placed else None,
-            "z": spawn.z if spawn.is_placed else None,
-            "heading_deg": math.degrees(spawn.yaw) if spawn.is_placed else None,
-            "roll_deg": math.degrees(spawn.roll),
-            "pitch_deg": math.degrees(spawn.pitch),
             "is_scaled": spawn.model.body != (catalogue.find(spawn.name) or default_model(spawn.kind)).body,
-            "size": [spawn.model.body.length, spawn.model.body.width, spawn.model.body.height],
-            "link": spawn.link,
-            "speed_kmh": spawn.speed * MPS_TO_KMH,
             "way": _way(spawn),
             "starts_within": spawn.start_within or None,
             "without_effect": list(spawn.kept),

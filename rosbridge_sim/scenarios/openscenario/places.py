@@ -17,7 +17,7 @@ from rosbridge_sim.maps.georeference import Georeference
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.maps.road_positions import RoadPositions
 from rosbridge_sim.printable import printable
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import nearest_on_polyline
@@ -143,6 +143,11 @@ class StoryMap:
         beyond = dx * cos + dy * sin
         return beside if abs(beyond) < TOUCHES else self.move(beside, beyond, ())[0]
 
+    def on_ground(self, place: MapPlace) -> MapPlace:
+        """Return a place with the height of the lane that it is on; 0 beside the lanes."""
+        on = self.project(place)
+        return replace(place, z=self.at(on).z if on.lane >= 0 else 0.0)
+
     def _at(self, on: OnLane) -> MapPlace:
         """Return the place in the map frame of a place on a lane."""
         points, yaws = self.roads.at(on.lane, on.s)
@@ -207,11 +212,10 @@ class StoryMap:
         if self.index is None:
             raise DocumentError("lanes have ids on OpenDRIVE maps alone; use RelativeTargetLane")
         road, s = self.index.spans[on.lane].road, self.index.road_s(on.lane, on.s)
-        x, y, z, yaw = _lane_place(self.index, road, lane, s, 0.0)
-        own = self.at(OnLane(on.lane, on.s, 0.0))
-        aside = (y - own.y) * math.cos(own.yaw) - (x - own.x) * math.sin(own.yaw)
-        found = self.project(MapPlace(x, y, z, yaw))
-        is_there = found.lane >= 0 and abs(found.offset) < SAME and math.cos(yaw - own.yaw) > 0.0
+        there, own = _lane_place(self.index, road, lane, s, 0.0), self.at(OnLane(on.lane, on.s, 0.0))
+        aside = (there.y - own.y) * math.cos(own.yaw) - (there.x - own.x) * math.sin(own.yaw)
+        found = self.project(there)
+        is_there = found.lane >= 0 and abs(found.offset) < SAME and math.cos(there.yaw - own.yaw) > 0.0
         return (found.lane if is_there else -1), aside
 
     def find_way(self, start: OnLane, goals: Sequence[OnLane]) -> tuple[int, ...]:
@@ -272,12 +276,7 @@ def _need_index(story_map: StoryMap) -> RoadPositions:
 
 def _world(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
     place = MapPlace(*(item.get(key, 0.0) for key in ("x", "y", "z", "h", "r", "p")))
-    if "z" not in item.values:
-        on = story_map.project(place)
-        place = MapPlace(
-            place.x, place.y, story_map.at(on).z if on.lane >= 0 else 0.0, place.yaw, place.roll, place.pitch
-        )
-    return place
+    return place if "z" in item.values else story_map.on_ground(place)
 
 
 def _geo(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
@@ -287,9 +286,7 @@ def _geo(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
     found = None if any(map(math.isnan, angles)) else story_map.on_globe(*angles)
     if found is None:
         raise DocumentError("expected latitudeDeg and longitudeDeg, or both in radians, within the map's projection")
-    on = story_map.project(MapPlace(*found, 0.0, 0.0))
-    there = story_map.at(on) if on.lane >= 0 else MapPlace(0.0, 0.0, 0.0, 0.0)
-    return MapPlace(*found, there.z, 0.0)
+    return story_map.on_ground(MapPlace(*found, 0.0, 0.0))
 
 
 def _trajectory(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
@@ -326,20 +323,18 @@ def _beside(place: MapPlace, item: StoryItem, yaw: float) -> MapPlace:
 
 def _lane(story_map: StoryMap, item: StoryItem, _: Entity) -> MapPlace:
     index, lane = _need_index(story_map), lane_id(item["laneId"])
-    return MapPlace(*_lane_place(index, item["roadId"], lane, item["s"], item.get("offset", 0.0)))
+    return _lane_place(index, item["roadId"], lane, item["s"], item.get("offset", 0.0))
 
 
-def _lane_place(
-    index: RoadPositions, road: str, lane: int, s: float, offset: float
-) -> tuple[float, float, float, float]:
-    """Return x, y, z [m] and the direction of traffic [rad] of a place on a lane.
+def _lane_place(index: RoadPositions, road: str, lane: int, s: float, offset: float) -> MapPlace:
+    """Return a place on a lane, with the direction of traffic.
 
     Raises:
         DocumentError: there is no such place.
     """
     found = index.on_lane(road, s, lane, offset)
     if found is not None:
-        return found.x, found.y, found.z, found.yaw
+        return MapPlace(found.x, found.y, found.z, found.yaw)
     _check_road(index, road)
     there = index.lane_ids(road)
     if lane not in there:

@@ -6,7 +6,7 @@ has of a story.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from itertools import chain
 from typing import Final
 
@@ -20,6 +20,7 @@ from rosbridge_sim.scenarios.openscenario.story_items import (
 )
 from rosbridge_sim.scenarios.openscenario.story_records import MAX_STORY_BYTES, Findings, Story, StoryItem, StoryText
 from rosbridge_sim.scenarios.openscenario.story_signals import check_controllers, check_states
+from rosbridge_sim.scenarios.openscenario.storyboard import KINDS
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.xml_documents import Element, read_whole
 
@@ -45,8 +46,7 @@ def catalogue_folders(text: bytes, source: str, parameters: Mapping[str, str]) -
     root = _read_root(text, source)
     known = StoryItemReader({}, is_lenient=True).declare(root, {}, parameters)
     folders = []
-    locations = root.first("CatalogLocations")
-    for location in () if locations is None else locations.children:
+    for location in root.within("CatalogLocations"):
         for folder in location.children:
             path = folder.attributes.get("path")
             if folder.tag == "Directory" and path is not None:
@@ -66,8 +66,7 @@ def declared_parameters(text: bytes, source: str) -> set[str]:
 
 
 def _declared(root: Element) -> set[str]:
-    declared = root.first("ParameterDeclarations")
-    return set() if declared is None else {each.attributes.get("name", "") for each in declared.children}
+    return {each.attributes.get("name", "") for each in root.within("ParameterDeclarations")}
 
 
 def _read_root(text: bytes, source: str) -> Element:
@@ -109,8 +108,7 @@ def examine_story(given: StoryText) -> tuple[Story | None, Findings]:
     for name in given.parameters:
         if name not in declared:
             findings.mistakes.append(f"{given.source}: no parameter {printable(name, 60)!r}{hint(name, declared)}")
-    entities = root.first("Entities")
-    names = [each.attributes.get("name", "") for each in (() if entities is None else entities.children)]
+    names = [each.attributes.get("name", "") for each in root.within("Entities")]
     if len(names) > MAX_ENTITIES:
         raise DocumentError(f"{given.source}: expected at most {MAX_ENTITIES:,} entities, got {len(names):,}")
     reader.entities = frozenset(evaluate(name, parameters, given.source) for name in names)
@@ -138,17 +136,14 @@ def _catalogues(given: StoryText) -> dict[str, dict[str, Element]]:
 def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], findings: Findings) -> Story:
     entities = {each["name"]: each for each in root.part("Entities").all("ScenarioObject")}
     board = root.part("Storyboard")
-    declared = root.find("VariableDeclarations")
-    variables = {each["name"]: each["value"] for each in (() if declared is None else declared.parts)}
-    network, info = root.find("RoadNetwork"), root.find("SimulatorInfo")
-    logic = None if network is None else network.find("LogicFile")
-    signals = None if network is None else network.find("TrafficSignals")
-    controllers = {each["name"]: each for each in (() if signals is None else signals.parts)}
-    if signals is not None and len(controllers) < len(signals.parts):
-        findings.mistakes.append(f"{signals.where}: TrafficSignals: two controllers have the same name")
+    variables = {each["name"]: each["value"] for each in root.within("VariableDeclarations")}
+    network = root.find("RoadNetwork") or root
+    controllers = {each["name"]: each for each in network.within("TrafficSignals")}
+    if len(controllers) < len(network.within("TrafficSignals")):
+        findings.mistakes.append(f"{network.where}: TrafficSignals: two controllers have the same name")
+    logic = network.find("LogicFile")
     path = "" if logic is None else logic["filepath"]
-    named = None if info is None else info.find("Map")
-    map_name = variables.get("moraiMap", "") if named is None else named["name"]
+    map_name = next((each["name"] for each in root.within("SimulatorInfo")), variables.get("moraiMap", ""))
     return Story(
         text=given,
         entities=entities,
@@ -169,9 +164,8 @@ def _make(given: StoryText, root: StoryItem, parameters: Mapping[str, str], find
 def _hold(entity: StoryItem, findings: Findings) -> tuple[float, float]:
     """Return the distances of a pedestrian, see `Story.holds`; 0 for one that is none, which the findings tell."""
     distances = {"activeDistance": 0.0, "moveDistance": 0.0}
-    properties = entity.part("Pedestrian").find("Properties")
-    for item in () if properties is None else properties.all("Property"):
-        if item["name"] in distances:
+    for item in entity.part("Pedestrian").within("Properties"):
+        if item.get("name") in distances:
             try:
                 value = float(item["value"])
             except ValueError:
@@ -211,36 +205,24 @@ def choose_ego(wanted: str, entities: Mapping[str, StoryItem], source: str, find
 def check_story(story: Story) -> None:
     """Check names that refer to something within the story, and numbers; the findings get the mistakes."""
     mistakes, source = story.findings.mistakes, story.text.source
-    names = {kind: set(of) for kind, of in element_names(story.storyboard).items()}
+    names = element_names(story.storyboard)
     phases = {name: [phase["name"] for phase in item.parts] for name, item in story.controllers.items()}
     check_controllers(story.controllers, mistakes)
     num_events = num_looks = 0
     items = list(chain(each_item(story.storyboard), () if story.evaluation is None else each_item(story.evaluation)))
     check_states(items, story.findings.notes if story.text.is_lenient else mistakes)
+    known = {"variableRef": story.variables, "parameterRef": story.parameters, "trafficSignalControllerRef": phases}
     for item in items:
         num_events += item.kind == "Event"
         num_looks += _count_looks(item)
-        known: Mapping[str, str] | set[str]
-        if item.kind == "StoryboardElementStateCondition":
-            known, key = names[item["storyboardElementType"]], "storyboardElementRef"
-            ref = item[key].rpartition("::")[2]
-        elif item.kind in {"VariableCondition", "VariableAction"}:
-            known, key = story.variables, "variableRef"
-            ref = item[key]
-        elif item.kind in {"ParameterCondition", "ParameterAction"}:
-            known, key = story.parameters, "parameterRef"
-            ref = item[key]
-        elif item.kind in {"TrafficSignalControllerCondition", "TrafficSignalControllerAction"}:
-            known, key = set(phases), "trafficSignalControllerRef"
-            ref = item[key]
-            if ref in phases:
-                known, key, ref = set(phases[ref]), "phase", item["phase"]
-        else:
-            continue
-        if ref not in known:
-            what = f"{item.where}: {item.kind}.{key}: there is no {printable(ref, 60)!r}{hint(ref, sorted(known))}"
-            is_left_out = story.text.is_lenient and item.kind == "StoryboardElementStateCondition"
-            (story.findings.notes if is_left_out else mistakes).append(what)
+        for key in item.values:
+            if key in known:
+                _check_name(item, key, item[key], known[key], mistakes)
+            elif key == "phase":
+                _check_name(item, key, item[key], phases.get(item["trafficSignalControllerRef"], [item[key]]), mistakes)
+            elif key == "storyboardElementRef":
+                name, there = item[key].rpartition("::")[2], names[item["storyboardElementType"]]
+                _check_name(item, key, name, there, story.findings.notes if story.text.is_lenient else mistakes)
     if num_events > MAX_EVENTS:
         mistakes.append(f"{source}: expected at most {MAX_EVENTS:,} events, got {num_events:,}")
     if num_looks > MAX_LOOKS:
@@ -250,6 +232,12 @@ def check_story(story: Story) -> None:
         )
 
 
+def _check_name(item: StoryItem, key: str, name: str, known: Collection[str], lines: list[str]) -> None:
+    """Add a line if nothing has a name that an item refers to."""
+    if name not in known:
+        lines.append(f"{item.where}: {item.kind}.{key}: there is no {printable(name, 60)!r}{hint(name, sorted(known))}")
+
+
 def _count_looks(item: StoryItem) -> int:
     """Return how many looks of a frame an item costs: a position on a trajectory finds all its vertices each time."""
     if item.kind == "TrajectoryPosition":
@@ -257,25 +245,14 @@ def _count_looks(item: StoryItem) -> int:
     return len(item.parts) if item.kind == "TriggeringEntities" else int(item.kind == "ByValueCondition")
 
 
-ELEMENT_TYPES: Final = {
-    "story": "Story",
-    "act": "Act",
-    "maneuverGroup": "ManeuverGroup",
-    "maneuver": "Maneuver",
-    "event": "Event",
-    "action": "Action",
-}
+ELEMENT_TYPES: Final = {kind[0].lower() + kind[1:]: kind for kind in KINDS[1:]}
 """Types in `StoryboardElementStateCondition` -> kinds of items."""
 
 
-def element_names(board: StoryItem) -> dict[str, list[str]]:
+def element_names(board: StoryItem) -> dict[str, set[str]]:
     """Return the names of a storyboard's elements, by type."""
-    kinds = {kind: name for name, kind in ELEMENT_TYPES.items()}
-    names: dict[str, list[str]] = {name: [] for name in ELEMENT_TYPES}
-    for item in each_item(board):
-        if item.kind in kinds:
-            names[kinds[item.kind]].append(item.get("name", ""))
-    return names
+    items = list(each_item(board))
+    return {name: {each.get("name", "") for each in items if each.kind == kind} for name, kind in ELEMENT_TYPES.items()}
 
 
 def each_item(item: StoryItem) -> Iterator[StoryItem]:

@@ -142,8 +142,7 @@ class StoryItemReader:
     def declare(self, element: Element, parameters: Mapping[str, str], given: Mapping[str, str]) -> dict[str, str]:
         """Return the parameters that hold within an element: those around it, those that it declares, and the given."""
         own = {**parameters, **given}
-        declared = element.first("ParameterDeclarations")
-        for each in () if declared is None else declared.children:
+        for each in element.within("ParameterDeclarations"):
             name, text = each.attributes.get("name"), each.attributes.get("value")
             if name and text is not None and name not in given:
                 own[name] = self._evaluated(text, own, f"{place_of(each)}: {name}") or ""
@@ -292,9 +291,8 @@ class StoryItemReader:
         if self._depth >= MAX_CATALOGUE_DEPTH:
             _tell(mistakes, f"{where}: catalogues refer to each other without end")
             return None
-        assigned = element.first("ParameterAssignments")
         given: dict[str, str] = {}
-        for each in () if assigned is None else assigned.children:
+        for each in element.within("ParameterAssignments"):
             parameter = each.attributes.get("parameterRef", "").removeprefix("$")
             text = each.attributes.get("value", "")
             given[parameter] = self._evaluated(text, parameters, f"{place_of(each)}: {parameter}") or ""

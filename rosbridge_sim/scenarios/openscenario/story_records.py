@@ -53,6 +53,11 @@ class StoryItem(Record, eq=False):
                 return part
         return None
 
+    def within(self, kind: str) -> tuple[StoryItem, ...]:
+        """Return the parts of the first part of a kind; none if there is none."""
+        found = self.find(kind)
+        return () if found is None else found.parts
+
     def all(self, kind: str) -> tuple[StoryItem, ...]:
         """Return all parts of a kind."""
         return tuple([part for part in self.parts if part.kind == kind])
@@ -103,11 +108,11 @@ class Story(Record, eq=False):
         text: what it is made of.
         entities: `ScenarioObject` items by name, in order.
         ego: name of the entity that is the ego; empty if there is none.
+        init: `Actions` of `Init`.
+        storyboard: acts, events, conditions.
         holds: of pedestrians by name, MORAI's `activeDistance` and `moveDistance`: how near an ego is when one begins
             to move, and its longest way; 0 for none [m].
         controllers: `TrafficSignalController` items by name.
-        init: `Actions` of `Init`.
-        storyboard: acts, events, conditions.
         evaluation: MORAI's groups of conditions; None for none.
         parameters, variables: values at the start, by name.
         map_file: path of the map as the file spells it; empty for none.
@@ -118,16 +123,16 @@ class Story(Record, eq=False):
     text: StoryText
     entities: Mapping[str, StoryItem]
     ego: str
-    holds: Mapping[str, tuple[float, float]]
-    controllers: Mapping[str, StoryItem]
     init: StoryItem
     storyboard: StoryItem
-    evaluation: StoryItem | None
-    parameters: Mapping[str, str]
-    variables: Mapping[str, str]
-    map_file: str
-    map_name: str
-    findings: Findings
+    holds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    controllers: Mapping[str, StoryItem] = field(default_factory=dict)
+    evaluation: StoryItem | None = None
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    variables: Mapping[str, str] = field(default_factory=dict)
+    map_file: str = ""
+    map_name: str = ""
+    findings: Findings = field(default_factory=Findings)
 
     @property
     def is_of_blocks(self) -> bool:

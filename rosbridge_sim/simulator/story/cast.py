@@ -20,7 +20,7 @@ from rosbridge_sim.printable import printable
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap
 from rosbridge_sim.world.drivers.lane_position import MAX_LATERAL, LaneStart, keep_lanes
-from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.lane_changes.lane_change_motion import shift
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Body, Kind, World
@@ -174,6 +174,12 @@ class Cast:
         self.take_lane(actor)
         actor.at_end = 0.0
 
+    def read(self, actor: StoryActor) -> None:
+        """Take place and speed of an actor from the world."""
+        for axis in POSE:
+            setattr(actor, axis, getattr(self.world, axis).item(self.world.row(actor.uid)))
+        self.take_lane(actor)
+
     def take_lane(self, actor: StoryActor) -> None:
         """Note the lane that an actor is on, by its place."""
         on = self.map.project(actor.place)
@@ -265,25 +271,26 @@ class Cast:
 
     def move(self) -> None:
         """Move all actors of the story by a step."""
-        moved = [(name, actor) for name, actor in self.actors.items() if actor.shown]
-        free = {name for name, actor in moved if actor.lane < 0 or any(self._holds.get(name, ()))}
-        on_lanes = [(name, actor) for name, actor in moved if name not in free and not actor.is_placed]
-        curvature = self._curvature([actor for _, actor in on_lanes])
-        for name, actor in moved:
+        moved = {name: actor for name, actor in self.actors.items() if actor.shown}
+        rest = {name: actor for name, actor in moved.items() if not actor.is_placed}
+        held = {name for name, distances in self._holds.items() if any(distances)}
+        on_lanes = {name: actor for name, actor in rest.items() if actor.lane >= 0 and name not in held}
+        curvature = self._curvature(list(on_lanes.values()))
+        for name, actor in moved.items():
             self._hold(name, actor)
-        for (name, actor), bend in zip(on_lanes, curvature, strict=True):
+        for (name, actor), bend in zip(on_lanes.items(), curvature, strict=True):
             self._drive(actor, self._offsets[name], bend)
-        for name, actor in moved:
-            if name in free and not actor.is_placed:
+        for name, actor in rest.items():
+            if name not in on_lanes:
                 self._go_straight(actor)
-        self._set_down([actor for _, actor in on_lanes])
-        for _, actor in on_lanes:
+        self._set_down(list(on_lanes.values()))
+        for actor in on_lanes.values():
             if actor.is_changing_lane:
                 actor.is_changing_lane = False
                 on = self.map.project(actor.place)
                 if on.lane >= 0 and math.cos(on.turned) > 0.0:
                     actor.lane, actor.s, actor.offset = on.lane, on.s, on.offset
-        for _, actor in moved:
+        for actor in moved.values():
             actor.x, actor.y, actor.z = (max(-MAX_COORDINATE, min(MAX_COORDINATE, each)) for each in _pose(actor)[:3])
             actor.accel = (actor.speed - actor.shown[-1]) / STORY_STEP
         self._moved = None
@@ -343,12 +350,8 @@ class Cast:
             self.take_lane(actor)
 
     def _curvature(self, actors: list[StoryActor]) -> list[float]:
-        if not actors:
-            return []
-        lane = np.array([actor.lane for actor in actors])
-        s = np.array([actor.s for actor in actors])
-        length = self.map.roads.length[lane]
-        low, high = np.maximum(s - 1.0, 0.0), np.minimum(s + 1.0, length)
+        lane, s = _on_lanes(actors)
+        low, high = np.maximum(s - 1.0, 0.0), np.minimum(s + 1.0, self.map.roads.length[lane])
         _, yaw = self.map.roads.at(np.concatenate([lane, lane]), np.concatenate([low, high]))
         turn = np.remainder(yaw[len(lane) :] - yaw[: len(lane)] + math.pi, math.tau) - math.pi
         bend: list[float] = (turn / np.maximum(high - low, 1e-3)).tolist()
@@ -356,11 +359,8 @@ class Cast:
 
     def _set_down(self, actors: list[StoryActor]) -> None:
         """Set the places of actors in the map frame by their places on lanes."""
-        if not actors:
-            return
         roads = self.map.roads
-        lane = np.array([actor.lane for actor in actors])
-        s = np.array([actor.s for actor in actors])
+        lane, s = _on_lanes(actors)
         low = np.maximum(np.minimum(s, roads.length[lane]) - 0.5, 0.0)
         points, yaws = roads.at(np.concatenate([lane, lane, lane]), np.concatenate([s, low, low + 1.0]))
         num = len(actors)
@@ -372,6 +372,11 @@ class Cast:
             actor.yaw = math.remainder(yaw + actor.turned, math.tau)
             actor.pitch = -math.atan(float(climb)) * actor.direction
             actor.roll = 0.0
+
+
+def _on_lanes(actors: list[StoryActor]) -> tuple[IntArray, FloatArray]:
+    """Return the rows of the lanes that actors are on, and how far along these [m]."""
+    return np.array([actor.lane for actor in actors], dtype=np.int64), np.array([actor.s for actor in actors])
 
 
 def _pose(actor: StoryActor) -> list[float]:

@@ -156,21 +156,9 @@ def _value(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     return compare(item["rule"], figure, wanted), figure
 
 
-def _time(scene: Stage, item: StoryItem) -> tuple[bool, float]:
-    return holds_for(item, scene.time()), scene.time()
-
-
-def _state(scene: Stage, item: StoryItem) -> tuple[bool, float]:
+def _is_seen(scene: Stage, item: StoryItem) -> bool:
     kind = ELEMENT_TYPES[item["storyboardElementType"]]
-    return scene.board.seen(kind, item["storyboardElementRef"], item["state"]), math.nan
-
-
-def _light(scene: Stage, item: StoryItem) -> tuple[bool, float]:
-    return scene.light(item["name"], item["state"]), math.nan
-
-
-def _phase(scene: Stage, item: StoryItem) -> tuple[bool, float]:
-    return scene.phase(item["trafficSignalControllerRef"], item["phase"]), math.nan
+    return scene.board.seen(kind, item["storyboardElementRef"], item["state"])
 
 
 OF_ENTITY: Final[Mapping[str, OfEntity]] = {
@@ -191,8 +179,11 @@ OF_ENTITY: Final[Mapping[str, OfEntity]] = {
 OF_VALUE: Final[Mapping[str, Callable[[Stage, StoryItem], tuple[bool, float]]]] = {
     "ParameterCondition": _value,
     "VariableCondition": _value,
-    "SimulationTimeCondition": _time,
-    "StoryboardElementStateCondition": _state,
-    "TrafficSignalCondition": _light,
-    "TrafficSignalControllerCondition": _phase,
+    "SimulationTimeCondition": lambda scene, item: (holds_for(item, scene.time()), scene.time()),
+    "StoryboardElementStateCondition": lambda scene, item: (_is_seen(scene, item), math.nan),
+    "TrafficSignalCondition": lambda scene, item: (scene.light(item["name"], item["state"]), math.nan),
+    "TrafficSignalControllerCondition": lambda scene, item: (
+        scene.phase(item["trafficSignalControllerRef"], item["phase"]),
+        math.nan,
+    ),
 }

@@ -5,7 +5,6 @@ Its state is that of the story. A load that leaves the scene as it was leaves th
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import DocumentError
@@ -28,6 +27,14 @@ if TYPE_CHECKING:  # imported with the first story
 STORY_TOPIC: Final = "/sim/story"
 RATE: Final = 10.0
 """Default rate of the topic [Hz]: a message has all elements and conditions."""
+
+_MESSAGES: Final = {
+    "StoryElement": "kind name state transition executions parent",
+    "StoryCondition": "name kind is_looked_at holds value",
+    "StoryVerdict": "result group time reason",
+    "StoryState": "header name time is_over verdict elements conditions entities ids",
+}
+"""Fields of our messages, in the order in which they are made."""
 
 NOWHERE: Final = 2**32 - 1
 """Id of an entity that is not in the world."""
@@ -55,13 +62,9 @@ class Stories(Component):
         hooks.after_frame.append(self._tell)
         hooks.on_new_scene.append(self._follow)
         hooks.on_reset.append(self._forget)
-        make: Callable[[str, str], Callable[..., Struct]] = lambda name, fields: late_maker(  # noqa: E731
-            context.bus.store, f"rosbridge_sim_msgs/{name}", fields
+        self._make_element, self._make_condition, self._make_verdict, self._make_state = (
+            late_maker(context.bus.store, f"rosbridge_sim_msgs/{name}", fields) for name, fields in _MESSAGES.items()
         )
-        self._make_element = make("StoryElement", "kind name state transition executions parent")
-        self._make_condition = make("StoryCondition", "name kind is_looked_at holds value")
-        self._make_verdict = make("StoryVerdict", "result group time reason")
-        self._make_state = make("StoryState", "header name time is_over verdict elements conditions entities ids")
         self._follow(0.0)
 
     def publish(self, publishers: Publishers) -> None:
@@ -169,25 +172,17 @@ class Stories(Component):
         from rosbridge_sim.scenarios.openscenario.storyboard import State, Transition, kind_of  # noqa: PLC0415 - few scenes have a story
 
         state, board = told.state.board, told.board
+        now = [State(each).name.lower() for each in state.states]
+        new = [
+            Transition(each * (mark > state.frame_mark)) for each, mark in zip(state.changes, state.marks, strict=True)
+        ]
         elements = [
-            self._make_element(
-                *(
-                    part.kind,
-                    part.name,
-                    State(state.states[i]).name.lower(),
-                    (
-                        Transition(state.changes[i]) if state.marks[i] > state.frame_mark else Transition.NONE
-                    ).name.lower(),
-                ),
-                *(state.counts[i], part.parent),
-            )
+            self._make_element(part.kind, part.name, *(now[i], new[i].name.lower(), state.counts[i], part.parent))
             for i, part in enumerate(board.parts)
         ]
         conditions = [
-            self._make_condition(
-                *(each["name"], kind_of(each), state.before[i] >= 0, state.before[i] == 1, figure),
-            )
-            for i, (each, figure) in enumerate(zip(board.conditions, state.figures, strict=True))
+            self._make_condition(each["name"], kind_of(each), before >= 0, before == 1, figure)
+            for each, before, figure in zip(board.conditions, state.before, state.figures, strict=True)
         ]
         world, egos = context.world, context.egos
         ids = [

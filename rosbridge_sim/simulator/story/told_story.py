@@ -148,10 +148,7 @@ class ToldStory:
             if row is None:
                 continue
             actor.uid = int(world.uid[row])
-            for axis in ("x", "y", "z", "yaw", "roll", "pitch"):
-                setattr(actor, axis, getattr(world, axis).item(row))
-            actor.speed = world.speed.item(row)
-            self._cast.take_lane(actor)
+            self._cast.read(actor)
 
     def time(self) -> float:
         """Return the time from the start to the begin of the present step [s]."""
@@ -221,9 +218,7 @@ class ToldStory:
             if actor.told_speed is not None:
                 driver = replace(driver, desired_speed=actor.told_speed)
             if driver.desired_speed >= STANDS:
-                for axis in POSE:  # where the last frame has shown it
-                    setattr(actor, axis, getattr(world, axis).item(world.row(actor.uid)))
-                self._cast.take_lane(actor)
+                self._cast.read(actor)  # where the last frame has shown it
                 self._cast.hand_over(actor, driver)
 
     def move(self) -> None:
