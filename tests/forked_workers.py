@@ -170,9 +170,9 @@ class ForkedWorkers:
             elif kind == "warning":
                 hook.pytest_warning_recorded.call_historic(kwargs=value)
             elif kind == "end":
-                item = session.items[value]
-                worker.waiting.remove(value)
-                hook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+                i, location = value
+                worker.waiting.remove(i)
+                hook.pytest_runtest_logfinish(nodeid=session.items[i].nodeid, location=location)
             elif kind == "cost":
                 file, wall, cpu = value
                 self._costs[file] = self._costs[file][0] + wall, self._costs[file][1] + cpu
@@ -237,19 +237,21 @@ def _work(
     sender = _Sender(config, connection)
     config.pluginmanager.register(sender)
     item: pytest.Item | None = None
+    cpu = _cpu_time()
     try:
         while group := sender.ask():
-            began, cpu = time.monotonic(), _cpu_time()
+            began = time.monotonic()
             for i, after in pairwise([*group, -1]):
                 item, following = session.items[i], session.items[after] if after >= 0 else None
                 running.value = i
                 # Behind None all fixtures would end; behind the session, those of the file.
                 config.hook.pytest_runtest_protocol(item=item, nextitem=following or session)
                 running.value = -1
-                sender.end(i)
+                sender.end(i, item)
                 if following is None or _file_of(following) != _file_of(item):
-                    sender.say("cost", (_file_of(item), time.monotonic() - began, _cpu_time() - cpu))
-                    began, cpu = time.monotonic(), _cpu_time()
+                    before, cpu = cpu, _cpu_time()
+                    sender.say("cost", (_file_of(item), time.monotonic() - began, cpu - before))
+                    began = time.monotonic()
     except (KeyboardInterrupt, EOFError, BrokenPipeError, ConnectionResetError):
         connection.close()  # the first process was stopped, or has ended
     call = CallInfo.from_call(lambda: session._setupstate.teardown_exact(None), when="teardown")
@@ -295,9 +297,9 @@ class _Sender:
         """Have a message sent soon."""
         self._messages.append((kind, value))
 
-    def end(self, i: int) -> None:
+    def end(self, i: int, item: pytest.Item) -> None:
         """Have it sent that a test has ended: at once if it has failed. What is lost with this process is run again."""
-        self.say("end", i)
+        self.say("end", (i, item.location))  # which is known here, and takes a tenth of a short test to find
         if self._has_failed or time.monotonic() - self._sent > SEND_AFTER:
             self.send()
 
