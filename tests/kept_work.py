@@ -1,15 +1,21 @@
 """Work that is done once for many programs: message types, the scenes that most tests open with, and the page's files.
 
+The library rosbags makes code for each type, and compiles it anew for each bag; here, once for equal code.
+
 None of it ever changes while a program runs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
-from types import ModuleType
+from tempfile import TemporaryDirectory
+from types import CodeType, ModuleType
 from typing import Any, Literal
 
+import rosbags.serde.utils
+import rosbags.typesys.store
 from PIL import Image
 
 from rosbridge_sim.graph.bus import Bus
@@ -17,13 +23,18 @@ from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.maps.map_formats import read_map
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
+from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell import app
 from rosbridge_sim.shell.assembly import make_simulator_node
+from rosbridge_sim.shell.bags.bag import open_bag
+from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files import library
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.message_types import MessageTypes
 from rosbridge_sim.shell.page.web_page import page_files
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
@@ -39,6 +50,8 @@ OTHER_TYPES: tuple[tuple[Literal["22.R2", "26.R1"], Literal[1, 2]], ...] = (("26
 
 def share_work() -> _BuiltIn:
     """Have the simulators of this process take types, and their opening scene, from those before them."""
+    for module in (rosbags.serde.utils, rosbags.typesys.store):
+        vars(module)["exec"] = _run
     built_in = _BuiltIn()
     _replace(app, read_types=built_in.types.read, make_simulator_node=built_in.make_simulator_node)
     return built_in
@@ -48,7 +61,8 @@ def keep_work() -> None:
     """Do the work in this process; simulators of its forks find it done, and keep nothing more."""
     built_in = share_work()
     for name in SCENES:
-        built_in.open(Settings(scenario=name, start="sync"))
+        bus = built_in.open(Settings(scenario=name, start="sync"))
+    _record(bus)
     for release, ros in OTHER_TYPES:
         built_in.open(Settings(release=release, ros=ros, start="sync"))
     built_in.is_full = True
@@ -100,13 +114,36 @@ class _BuiltIn:
         finally:
             _replace(library, read_map=read_map, read_scenario=read_scenario)
 
-    def open(self, settings: Settings) -> None:
+    def open(self, settings: Settings) -> Bus:
         """Open a scene, which needs most of the types and computes what a map needs of its roads."""
         _, store = self.types.read(settings)
         bus = Bus(store)
         Rosapi(bus)
         WebRepublisher(bus)
         self.make_simulator_node(bus, settings, None, None)
+        return bus
+
+
+def _record(bus: Bus) -> None:
+    """Have what bags need of the types of all topics parsed."""
+    texts = read_definitions("22.R2")
+    with TemporaryDirectory() as folder:
+        for bag in (open_bag(Path(folder) / "a.bag"), open_bag(Path(folder) / "a.mcap")):
+            store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
+            writer = BagMessageWriter(bag, store, bus.store)
+            for name, topic in bus.topics.items():
+                writer.add(name, topic.type.name)
+            writer.close()
+
+
+@lru_cache(maxsize=4096)
+def _compiled(source: str) -> CodeType:
+    return compile(source, "<string>", "exec")
+
+
+def _run(source: str, names: dict[str, object]) -> None:
+    """As `exec`."""
+    exec(_compiled(source), names)  # noqa: S102 - the library's own code
 
 
 def _replace(module: ModuleType, **functions: object) -> None:

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
 from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.message_spec import layout_of
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.bags.bag import Bag, Channel
+from rosbridge_sim.shell.bags.bag import Bag, Channel, types_of
 
 
 class _Track(Record):
@@ -89,8 +87,7 @@ class BagMessageWriter:
             return None
         full_name = message_type.name.replace("/", "/msg/")
         ros2 = self._store if self._store.ros != 1 else self._source  # rosbags needs the definition of ROS 2
-        types = get_typestore(Stores.EMPTY)
-        types.register(get_types_from_msg(ros2.full_text(message_type.name), full_name))
+        types = types_of(message_type.name, ros2.full_text(message_type.name))
         recode = types.cdr_to_ros1 if self._store.ros == 1 else types.ros1_to_cdr
         return lambda raw: bytes(recode(raw, full_name))
 
