@@ -45,6 +45,7 @@ FIRST_USES: Final[Mapping[str, FirstUse]] = {
     "ros2": FirstUse("docs/guides/ros2.md", "'rosbridge-sim[ros2]'", ("rosbridge-sim serve --ros2-domain 7",)),
     "gym": FirstUse("docs/guides/gymnasium.md", '"rosbridge-sim[gym]"', ("import gymnasium",)),
     "campaign": FirstUse("docs/guides/campaigns.md", '"rosbridge-sim[campaign]"', ("cat > first.toml <<END",)),
+    "fast": FirstUse("docs/operation.md", '"rosbridge-sim[fast]"', ("rosbridge-sim serve --traffic 100",)),
     "ray": FirstUse(
         "docs/guides/campaigns.md",
         '"rosbridge-sim[campaign,ray]"',

@@ -60,6 +60,7 @@ world.people: records world.geometry world.roads world.state
 world.drivers: records world.geometry world.roads world.state
 world.lane_changes: records world.drivers world.geometry world.roads world.state
 world.followers: records world.drivers world.geometry world.lane_changes world.people world.roads world.state
+world.kernels: world.drivers world.followers world.lane_changes world.roads world.state
 world: records world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
     world.state world.vehicle
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
@@ -129,20 +130,21 @@ shell.mocking: * graph graph.peers mock protocol schema shell.bags shell.clocks 
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
+shell.kernels: errors version world.followers world.kernels
 shell.page: * schema simulator.markers simulator.plain simulator.sim_services version
 shell.transport: * link long_text protocol
-shell.websocket: * graph graph.peers link protocol shell.page shell.transport version
+shell.websocket: * graph graph.peers link protocol shell.kernels shell.page shell.transport version
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
 shell.ros1: * graph graph.gateway graph.ros1 morai schema shell.clocks shell.config shell.files shell.websocket
 shell.ros2: * graph graph.gateway graph.ros2 morai schema shell.clocks shell.config shell.files
 shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags
-    shell.clocks shell.config shell.drawing shell.files shell.mocking shell.monitoring shell.page
+    shell.clocks shell.config shell.drawing shell.files shell.kernels shell.mocking shell.monitoring shell.page
     shell.rendering shell.ros1 shell.ros2 shell.websocket
     simulator simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors
     simulator.sim_services world.geometry world.roads world.state
-worlds: * client maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene
-    simulator.sim_services units world world.drivers world.followers world.geometry world.many_worlds world.roads
-    world.state world.vehicle
+worlds: * client maps morai.messages scenarios shell.files shell.kernels simulator.kernel simulator.plain
+    simulator.scene simulator.sim_services units world world.drivers world.followers world.geometry world.many_worlds
+    world.roads world.state world.vehicle
 environments: records scenery scenery.static shell shell.rendering simulator.snapshots suggestions world.geometry
     world.state worlds
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files

@@ -56,6 +56,7 @@ from rosbridge_sim.shell.files.message_types import MessageTypes, read_types
 from rosbridge_sim.shell.files.port_file import PortFile
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
+from rosbridge_sim.shell.kernels.backend import start_kernels
 from rosbridge_sim.shell.monitoring.descriptors import DescriptorWatch
 from rosbridge_sim.shell.monitoring.log_limits import LineLimiter
 from rosbridge_sim.shell.monitoring.masking import mask_of
@@ -389,7 +390,9 @@ class Simulator:
             _log.warning("--data-dir %s: clients can save nothing there: %s", folder, why_not_writable(folder))
 
     async def _finish_start(self) -> None:
-        """Show all topics to nodes of ROS, and open the page in a browser, if the settings say so."""
+        """Show all topics to ROS, open the page in a browser, and start the compiled loops, if the settings say so."""
+        if self.settings.world:
+            start_kernels()
         if self._ros2 is not None:
             self._ros2.settle()
         if self._ros1 is not None:

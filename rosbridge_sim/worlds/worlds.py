@@ -13,6 +13,7 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.kernels.backend import start_kernels
 from rosbridge_sim.simulator.scene.load import FoundMap
 from rosbridge_sim.simulator.sim_services.traffic_demand import COUNT_INTERVAL
 from rosbridge_sim.world.demand import stand_at_ends
@@ -83,6 +84,7 @@ class Worlds(SteppedWorlds):
     ) -> None:
         check_number("num_worlds", num_worlds)
         check_number("traffic", traffic, 0)
+        start_kernels()
         names = [scenario] * num_worlds if isinstance(scenario, str | Path | Scenario) else list(scenario)
         if not names:
             raise ValueError("scenario: expected at least one, got none")

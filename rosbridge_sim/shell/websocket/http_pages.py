@@ -9,6 +9,7 @@ from http import HTTPStatus
 
 from websockets.http11 import Request, Response
 
+from rosbridge_sim.shell.kernels.backend import backend
 from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.websocket.connections import ServedConnection
@@ -28,7 +29,7 @@ from rosbridge_sim.version import __version__
 STOPPING = "the server is shutting down"
 """Reason in `/healthz` while the server stops."""
 
-_VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
+_VERSION = {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
 """Answer of `/version`; the protocol has the name that its specification uses."""
 
 MAP_SERVICE = "/sim/map"
@@ -133,9 +134,10 @@ class HttpPages:
         return self._gate.late_for_wrong_token(connection, request, response)
 
     def _tell_version(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer name, version and protocol, to those who may have data."""
+        """Answer name, version, protocol, and what drives vehicles on lanes, to those who may have data."""
         refusal = self._gate.refuse_data(connection, request, "/version")
-        return refusal or answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
+        body = f"{json.dumps({**_VERSION, 'backend': backend()})}\n"
+        return refusal or answer_with(connection, HTTPStatus.OK, body.encode(), JSON_KIND)
 
     def _tell_metrics(
         self, connection: ServedConnection, request: Request, render: Callable[[str], Awaitable[tuple[bytes, str]]]

@@ -10,9 +10,10 @@ drivers at once.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
@@ -23,16 +24,16 @@ from rosbridge_sim.world.roads.roads import Roads
 CORRIDOR: Final = 1.4
 """An entity nearer to a lane's line than this obstructs the lane: half the width of a car, and half a metre [m]."""
 
-_TICKS: Final = float(1 << 16)
-_INDEX_BITS: Final = 20
-_INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
+TICKS: Final = float(1 << 16)
+INDEX_BITS: Final = 20
+INDEX_MASK: Final = (1 << INDEX_BITS) - 1
 """A sorting key has a place in 2^-16 m in its upper bits and an index in the lower 20: a million entries."""
 
-_LAST_KEY: Final = (1 << 63) - 1 - _INDEX_MASK
+LAST_KEY: Final = (1 << 63) - 1 - INDEX_MASK
 """Key of the entry that stands for "none", behind all others."""
 
 
-MAX_SCALE_TICKS: Final = 1 << (63 - _INDEX_BITS)
+MAX_SCALE_TICKS: Final = 1 << (63 - INDEX_BITS)
 """The scales of all worlds together are shorter than this."""
 
 _SLOWEST: Final = 0.01
@@ -232,10 +233,10 @@ class EntryQueue:
         lane, index = codes[0, :num], np.arange(num + 1)
         place = roads.base[lane] + np.minimum(np.maximum(figures[0, :num], 0.0), roads.length[lane])
         key = np.empty(num + 1, dtype=np.int64)
-        key[:num], key[num] = _keys(roads, place, lane), _LAST_KEY
+        key[:num], key[num] = _keys(roads, place, lane), LAST_KEY
         key |= index
         key.sort()
-        order = key & _INDEX_MASK
+        order = key & INDEX_MASK
         self._key = key
         self.position = np.empty(num, dtype=np.int64)
         self.position[order[:num]] = index[:num]
@@ -247,6 +248,15 @@ class EntryQueue:
         np.not_equal(self.lane[1:-1], self.lane[:-2], is_first[1:])
         first = is_first.nonzero()[0]
         self.first[self.lane[first]] = first
+
+    @classmethod
+    def of_columns(cls, num: int, **columns: npt.NDArray[Any]) -> EntryQueue:
+        """Return a queue that was worked out elsewhere, of its attributes; it cannot `find`."""
+        queue = cls.__new__(cls)
+        queue.num = num
+        for name, column in columns.items():
+            setattr(queue, name, column)
+        return queue
 
     def find(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the positions of the first entries at or beyond places on lanes, of whatever lane, (k,) int64.
@@ -265,12 +275,12 @@ class EntryQueue:
 
 def _keys(roads: Roads, place: FloatArray, lane: IntArray) -> IntArray:
     """Return the keys of places on the one scale of all lanes, (k,) int64, with 0 in the lower bits."""
-    ticks = (place * _TICKS).astype(np.int64)
+    ticks = (place * TICKS).astype(np.int64)
     if roads.scale_of_lane is not None:  # the copies of a scale for many worlds
         ticks += roads.scale_of_lane[lane] * scale_ticks(roads)
-    return ticks << _INDEX_BITS
+    return ticks << INDEX_BITS
 
 
 def scale_ticks(roads: Roads) -> int:
     """Return the length of the one scale of all lanes, in units of keys."""
-    return int(float(roads.chain[-1]) * _TICKS) + 2 if len(roads.chain) else 1
+    return int(float(roads.chain[-1]) * TICKS) + 2 if len(roads.chain) else 1

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.chance import bell
@@ -86,6 +87,7 @@ class LaneWander:
 
     Attributes:
         which: (m,) int64, which of them wander; indices into the rows.
+        half_width: (m,) half of the width of each of these, with `MARGIN` [m].
 
     Args:
         world: written by the methods.
@@ -102,7 +104,7 @@ class LaneWander:
         self._rates, self._phases = _waves_of(world.salts(mine))
         self._rows = mine
         self._width = world.wander_width[mine]
-        self._half_width = world.half_width[mine] + MARGIN
+        self.half_width = world.half_width[mine] + MARGIN
         self._room = world.roads.derived(room_of)
 
     def plan(self, distance: FloatArray, heading: FloatArray, lane: IntArray, off: IntArray, interval: float) -> None:
@@ -121,20 +123,14 @@ class LaneWander:
         is_all = len(which) == len(distance)
         way = distance if is_all else distance[which]
         angle = heading if is_all else heading[which]
-        most = np.fmax(self._room[lane if is_all else lane[which]] - self._half_width, 0.0)
-        aim = self._width * _sum_of_waves(self._rates, self._phases, world.frames(self._rows))
-        aim = np.fmin(np.fmax(aim, -most), most)
+        most = np.fmax(self._room[lane if is_all else lane[which]] - self.half_width, 0.0)
+        aim = np.fmin(np.fmax(self.aims(), -most), most)
         aim += 0.0  # where there is no room: of 0.0 and -0.0, numpy takes the one or the other, depending on the row
         if len(off):
             is_off = np.zeros(len(distance), dtype=bool)
             is_off[off] = True
             aim[is_off[which]] = 0.0
-        preview = np.fmax(way * (PREVIEW_TIME / interval), PREVIEW_WAY)
-        share = way / preview
-        now, slope = world.wander[at], world.wander_slope[at]
-        bend = share * (aim - now) / preview - 2.0 * share * slope
-        new = slope + bend
-        then = now + way * (slope + 0.5 * bend)
+        then, bend, turn = wander_ahead(ARRAYS, way, aim, world.wander[at], world.wander_slope[at], interval)
         x, y = world.wander_x[at], world.wander_y[at]
         east, north = -then * np.sin(angle), then * np.cos(angle)
         stands = (way <= 0.0).nonzero()[0]
@@ -144,9 +140,13 @@ class LaneWander:
         world.wander_y_rate[at] = (north - y) / interval
         world.wander[at], world.wander_slope_rate[at] = then, bend / interval
         if is_all:
-            heading += new
+            heading += turn
         else:
-            heading[which] += new
+            heading[which] += turn
+
+    def aims(self) -> FloatArray:
+        """Return where they aim at now, in lanes of any width, (m,) [m]."""
+        return np.asarray(self._width * _sum_of_waves(self._rates, self._phases, self._world.frames(self._rows)))
 
     def move(self, dt: float) -> None:
         """Move the rows by their displacements at the end of a step of `dt` [s]; their places are those without it."""
@@ -158,6 +158,24 @@ class LaneWander:
         by = of_rows(now, at) + of_rows(rate, at) * dt
         now[:, at] = by
         world.block("x", "y")[:, at] += by
+
+
+def wander_ahead(  # noqa: PLR0917 - numbers of one driver
+    do: RuleOperators[V], way: V, aim: V, now: V, slope: V, interval: float
+) -> tuple[V, V, V]:
+    """Return the displacement at the end of an interval [m], the change of its slope until then, and the slope then.
+
+    Args:
+        way: driven until then [m].
+        aim: where the driver aims at [m].
+        now: the displacement [m].
+        slope: of it, for each metre.
+        interval: [s].
+    """
+    preview = do.most(way * (PREVIEW_TIME / interval), PREVIEW_WAY)
+    share = way / preview
+    bend = share * (aim - now) / preview - 2.0 * share * slope
+    return now + way * (slope + 0.5 * bend), bend, slope + bend
 
 
 def room_of(roads: Roads) -> FloatArray:

@@ -25,8 +25,8 @@ are.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -58,7 +58,7 @@ __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 DECISION: Final = 5
 """Frames from one decision to the next: 0.1 s, less than a person needs to react."""
 
-_INTERVAL: Final = DECISION * DT
+INTERVAL: Final = DECISION * DT
 
 MAX_WAIT_DECISIONS: Final = 20
 """Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
@@ -96,16 +96,44 @@ def drive_lanes(world: WorldRows, dt: float) -> None:
         world: written in place.
         dt: length of the step [s].
     """
-    followers = world.derived(_LaneFollowers)
+    followers = world.derived(LaneFollowers)
     if not followers.num:
         return
+    is_decision = world.frame % DECISION == 0
+    if is_decision:
+        followers.take_kernel(BACKEND.make)
+    by = followers.kernel or followers
     has_motion = len(followers.egos.rows) > 0 and world.dynamics == Dynamics.SINGLE_TRACK
     saved = followers.egos.save_motion() if has_motion else None
-    if world.frame % DECISION == 0:
-        followers.decide()
-    followers.move(dt)
+    if is_decision:
+        by.decide()
+    by.move(dt)
     if saved is not None:
         followers.egos.restore_motion(saved)
+
+
+class Kernel(Protocol):
+    """Loops that do the work of `LaneFollowers` for the same followers, to the last bit."""
+
+    def decide(self) -> None:
+        """See `LaneFollowers.decide`."""
+
+    def move(self, dt: float) -> None:
+        """See `LaneFollowers.move`."""
+
+
+class _Backend:
+    """What drives the lane followers of all worlds: arrays, as long as nothing else is taken."""
+
+    make: Callable[[LaneFollowers], Kernel] | None = None
+
+
+BACKEND: Final = _Backend()
+
+
+def take_kernels(make: Callable[[LaneFollowers], Kernel] | None) -> None:
+    """Have lane followers driven by something else from their next decision on, in all worlds; None for arrays."""
+    BACKEND.make = make
 
 
 def view_driver(world: WorldRows, row: int) -> DriverView | None:
@@ -119,7 +147,7 @@ def view_driver(world: WorldRows, row: int) -> DriverView | None:
     """
     if not world.has_lane[row] or world.start_within[row] > 0.0:
         return None
-    followers = _LaneFollowers(world)  # of its own: a question must not decide when the world makes its own
+    followers = LaneFollowers(world)  # of its own: a question must not decide when the world makes its own
     drivers = followers.drivers()
     drivers.claim, drivers.held, drivers.exit_lane = (
         drivers.claim.copy(),
@@ -176,7 +204,7 @@ class DriverView(Record):
     is_changing: bool = False
 
 
-class _LaneFollowers:
+class LaneFollowers:
     """The entities that follow lanes, and what is the same at every step.
 
     It lives until the next `World.touch`: until an entity comes or goes, stops or starts to move. Indices (`which`)
@@ -202,10 +230,10 @@ class _LaneFollowers:
         half, centre = world.half_length[self.at], world.centre[self.at]
         self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
         self.parameters = DriverParameters.of(world, self.rows)
-        self.response = -np.expm1(-_INTERVAL / self.parameters.reaction)
+        self.response = -np.expm1(-INTERVAL / self.parameters.reaction)
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
-        self._let_in_later = LET_IN_APART * self.uid
+        self.let_in_later = LET_IN_APART * self.uid
         self.choice = RouteChoice(world, self.rows)
         self.changes = LaneChanges(world, self.rows, self.choice)
         self.egos = SelfDrivingEgos(world, self.rows)
@@ -214,6 +242,13 @@ class _LaneFollowers:
         self.wander = LaneWander(world, self.rows)
         self.other_entities = OtherEntities(world, world.alive & ~follows)
         self._beside: FloatArray | None = None
+        self.kernel: Kernel | None = None
+        self._maker: Callable[[LaneFollowers], Kernel] | None = None
+
+    def take_kernel(self, make: Callable[[LaneFollowers], Kernel] | None) -> None:
+        """Be driven by what `make` returns, from now on; None for arrays."""
+        if make is not self._maker:
+            self._maker, self.kernel = make, None if make is None else make(self)
 
     def decide(self) -> None:
         """Choose the accelerations until the next decision."""
@@ -221,7 +256,7 @@ class _LaneFollowers:
         self._beside = None
         if len(self.egos.rows):
             self.egos.project()
-            self._advance_lanes(self.egos.index)
+            self.advance_lanes(self.egos.index)
         drivers = self.drivers()
         others, _, num_driving = self.others(drivers)
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
@@ -270,7 +305,7 @@ class _LaneFollowers:
             claim=world.claim[at],
             held=world.held[at],
             exit_lane=world.exit_lane[at],
-            is_let_in=(self._decision() + self._let_in_later) % LET_IN_EVERY < LET_IN_FOR,
+            is_let_in=(self._decision() + self.let_in_later) % LET_IN_EVERY < LET_IN_FOR,
             parameters=self.parameters,
             lateral=self.changes.find_lateral(self.parameters, world.speed[at]),
         )
@@ -284,32 +319,52 @@ class _LaneFollowers:
     def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
         """Set the yaw rates with which the headings are right at the next decision."""
         world, at = self.world, self.at
-        time = np.where(speed + accel * _INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), _INTERVAL)
+        time = np.where(speed + accel * INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), INTERVAL)
         distance = time * (speed + 0.5 * accel * time)
         moves = distance > 0.0
-        arc = world.arc[at] + self._on_chords(distance)
+        arc = world.arc[at] + self.on_chords(distance)
         heading = headings_ahead(self.roads, lanes, arc, self.wheelbase, point=world.point[at], moves=moves)
-        swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
-        if len(swinging):
-            plan_swings(world, self.rows[swinging], distance[swinging], _INTERVAL)
-            is_shifted = np.zeros(self.num, dtype=bool)
-            is_shifted[self.shifted] = True
-            is_shifted[swinging] = False
-            shifting = is_shifted.nonzero()[0]
-            is_shifted[swinging[find_shifted(world, self.rows[swinging])]] = True
-            self.shifted = is_shifted.nonzero()[0]
-        else:
-            shifting = self.shifted
-        self.wander.plan(distance, heading, lanes[0], self.shifted, _INTERVAL)
-        if len(shifting):
-            duration = time_of_shift(self.parameters.change_time[shifting], speed[shifting])
-            plan_shifts(world, self.rows[shifting], duration, distance[shifting], _INTERVAL)
-        if len(self.shifted):
-            heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)
-            self.shifted = find_shifted(world, at)  # without those that have arrived, as if it were made now
+        shifting = self.plan_swings(distance)
+        self.wander.plan(distance, heading, lanes[0], self.shifted, INTERVAL)
+        self.plan_shifts(shifting, distance, heading)
         turn = np.where(moves, wrap_angle(heading - world.yaw[at]), 0.0)
-        world.yaw_rate[at] = turn / _INTERVAL
+        world.yaw_rate[at] = turn / INTERVAL
         world.lateral_accel[at] = world.yaw_rate[at] * speed
+
+    def plan_swings(self, distance: FloatArray) -> IntArray:
+        """Plan the swing of long vehicles until the next decision; return the others that are `shifted`, (m,) int64.
+
+        Args:
+            distance: (n,) that each will drive until then [m].
+        """
+        world = self.world
+        swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
+        if not len(swinging):
+            return self.shifted
+        plan_swings(world, self.rows[swinging], distance[swinging], INTERVAL)
+        is_shifted = np.zeros(self.num, dtype=bool)
+        is_shifted[self.shifted] = True
+        is_shifted[swinging] = False
+        shifting: IntArray = is_shifted.nonzero()[0]
+        is_shifted[swinging[find_shifted(world, self.rows[swinging])]] = True
+        self.shifted = is_shifted.nonzero()[0]
+        return shifting
+
+    def plan_shifts(self, shifting: IntArray, distance: FloatArray, heading: FloatArray) -> None:
+        """Plan the motion across until the next decision, and add its angles to the headings then.
+
+        Args:
+            shifting: (m,) int64, from `plan_swings`.
+            distance: (n,) that each will drive until then [m].
+            heading: (n,) of the lanes, written [rad].
+        """
+        world, at = self.world, self.at
+        if len(shifting):
+            duration = time_of_shift(self.parameters.change_time[shifting], world.speed[at][shifting])
+            plan_shifts(world, self.rows[shifting], duration, distance[shifting], INTERVAL)
+        if len(self.shifted):
+            heading += world.drift[at] + world.drift_rate[at] * INTERVAL
+            self.shifted = find_shifted(world, at)  # without those that have arrived, as if it were made now
 
     def move(self, dt: float) -> None:
         """Move along the legs by `dt` [s]; `dynamics` moves the self-driving egos."""
@@ -371,7 +426,7 @@ class _LaneFollowers:
             step += np.fmin(np.fmax(self._way_beside(dt), -most), most)
         if len(self.shifted):
             step[self.shifted] = self._along(step[self.shifted], dt)
-        arc += self._on_chords(step)
+        arc += self.on_chords(step)
         speed[:] = after
         past = (arc >= leg_end).nonzero()[0]
         if len(past):
@@ -429,15 +484,15 @@ class _LaneFollowers:
         if not self.roads.has_long_legs:
             farther = enter_next_legs(world, self.conflicts, rows)
             if len(farther):
-                self._advance_lanes(which[farther])
+                self.advance_lanes(which[farther])
             return
         before = self._stretch(rows, 0.0)
-        self._advance_lanes(which)
+        self.advance_lanes(which)
         # Beyond the end of a leg the way is that on the next one.
         beyond = world.arc[rows] - world.leg_start[rows]
         world.arc[rows] += beyond * (before / self._stretch(rows, 0.0) - 1.0)
 
-    def _on_chords(self, distance: FloatArray) -> FloatArray:
+    def on_chords(self, distance: FloatArray) -> FloatArray:
         """Return by how much arc lengths, which are those of legs, rise on ways along smooth lines, (n,) [m].
 
         Args:
@@ -470,7 +525,7 @@ class _LaneFollowers:
         most = MAX_STRETCH * step
         return step * np.cos(aslant) + np.fmin(np.fmax(turn, -most), most)
 
-    def _advance_lanes(self, which: IntArray) -> None:
+    def advance_lanes(self, which: IntArray) -> None:
         """Bring lane and leg up to date for vehicles whose arc length may be beyond the end of their leg or lane."""
         world, rows = self.world, self.rows[which]
         for _ in range(MAX_LANES_ENTERED):

@@ -19,6 +19,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import COMFORT
 
@@ -69,10 +70,16 @@ def follow(speed: FloatArray, desired_speed: FloatArray, gap: FloatArray, lead_s
         gap: (k,) to the lead vehicle, inf for none [m].
         lead_speed: (k,) [m/s].
     """
-    free = 1.0 - np.square(np.square(speed / np.fmax(desired_speed, _CREEP)))
+    return np.asarray(mean_follow(ARRAYS, speed, desired_speed, gap, lead_speed))
+
+
+def mean_follow(do: RuleOperators[V], speed: V, desired_speed: V, gap: V, lead_speed: V | float) -> V:
+    """Return what `follow` returns; the arguments are the same."""
+    ratio = speed / do.most(desired_speed, _CREEP)
+    square = ratio * ratio
     closing = speed * (speed - lead_speed) / (2.0 * math.sqrt(_ACCEL * COMFORT))
-    wanted = _GAP + np.fmax(speed * _HEADWAY + closing, 0.0)
-    return np.asarray(_ACCEL * (np.fmax(free, -2.0) - np.square(wanted / np.fmax(gap, _CREEP))))
+    wanted = (_GAP + do.most(speed * _HEADWAY + closing, 0.0)) / do.most(gap, _CREEP)
+    return _ACCEL * (do.most(1.0 - square * square, -2.0) - wanted * wanted)
 
 
 def find_safe(

@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
 from rosbridge_sim.world.state.world_rows import WorldRows
 
@@ -79,8 +80,13 @@ def time_of_shift(change_time: FloatArray, speed: FloatArray) -> FloatArray:
         change_time: (k,) of the drivers, see `driver_parameters` [s].
         speed: (k,) [m/s].
     """
+    return np.asarray(shift_time(ARRAYS, change_time, speed))
+
+
+def shift_time(do: RuleOperators[V], change_time: V, speed: V) -> V:
+    """Return what `time_of_shift` returns; the arguments are the same."""
     longer = 1.0 + LONGER_PER_SPEED * (speed - USUAL_SPEED)
-    return np.asarray(np.fmin(np.fmax(change_time * longer, MIN_SHIFT_TIME), MAX_SHIFT_TIME))
+    return do.least(do.most(change_time * longer, MIN_SHIFT_TIME), MAX_SHIFT_TIME)
 
 
 def lateral_in_shift(
@@ -94,8 +100,20 @@ def lateral_in_shift(
         across: (k,) by which they shift; not negative [m].
     """
     time = time_of_shift(parameters.change_time[which], speed)
-    left = parameters.most_lateral[which] - RESERVE - PEAK * across / (time * time)
-    return np.asarray(np.fmin(np.fmax(left, LEAST_LATERAL), parameters.lateral[which]))
+    most, usual = parameters.most_lateral[which], parameters.lateral[which]
+    return np.asarray(lateral_left(ARRAYS, most, usual, time, across))
+
+
+def lateral_left(do: RuleOperators[V], most: V, usual: V, time: V, across: V | float) -> V:
+    """Return the lateral acceleration that a lane change leaves for bends [m/s^2].
+
+    Args:
+        most: that the driver accepts at all [m/s^2].
+        usual: that it accepts of bends [m/s^2].
+        time: of the lane change [s].
+        across: its width [m].
+    """
+    return do.least(do.most(most - RESERVE - PEAK * across / (time * time), LEAST_LATERAL), usual)
 
 
 def find_shifted(world: WorldRows, rows: IntArray | slice) -> IntArray:

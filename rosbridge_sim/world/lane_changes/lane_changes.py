@@ -78,10 +78,10 @@ class LaneChanges:
         self.roads = world.roads
         self.neighbours = world.roads.derived(LaneNeighbours)
         self.conflicts = world.roads.derived(LaneConflicts)
-        self._may = (world.kind[rows] != Kind.EGO) & ~world.keeps_lane[rows]
+        self.may = (world.kind[rows] != Kind.EGO) & ~world.keeps_lane[rows]
         is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
         self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
-        self.is_possible = self.neighbours.is_any and bool(self._may.any())
+        self.is_possible = self.neighbours.is_any and bool(self.may.any())
 
     def find_leaving(self, drivers: Drivers) -> Entries | None:
         """Return the entries of those that change lanes on the lanes that they leave; None if there are none."""
@@ -148,10 +148,10 @@ class LaneChanges:
         accel = accel.copy()
         leaving = world.leaving[rows]
         if np.count_nonzero(leaving):
-            self._end_changes()
+            self.end_changes()
             leaving = world.leaving[rows]
         if drivers.leaving is not None:
-            self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
+            self.mind_old_lane(drivers, perception.queue, desired_speed, accel)
         self._leave_room(drivers, perception, desired_speed, accel)
         is_part = decision % LOOK_EVERY == 0
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
@@ -160,22 +160,22 @@ class LaneChanges:
         if np.count_nonzero(is_part):
             is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
             looks |= is_turn & self.neighbours.has_side[drivers.lanes[0]]
-        which = (looks & self._may & (leaving == 0)).nonzero()[0]
+        which = (looks & self.may & (leaving == 0)).nonzero()[0]
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
             begins = look.decide(accel, decision)
             if len(begins[0]):
-                self._start(drivers, *begins)
+                self.start(drivers, *begins)
         return accel
 
-    def _end_changes(self) -> None:
+    def end_changes(self) -> None:
         """End the changes of those that have arrived."""
         world, rows = self.world, self.rows
         done = rows[(world.leaving[rows] > 0) & (world.lateral_left[rows] == 0.0)]
         world.leaving[done] = world.signal[done] = world.change[done] = 0
         world.change_since[done] = world.frames(done)
 
-    def _mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
+    def mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
         """Brake for the lead vehicle in the old lane, where a vehicle that changes lanes would touch it."""
         entries = drivers.leaving
         assert entries is not None
@@ -232,14 +232,14 @@ class LaneChanges:
         """Keep more room than in a queue behind what is slow and follows no lane: it may stay where it stands."""
         is_slow = (perception.gap < BLOCKED_WAY) & (perception.lead_speed < SLOW) & (drivers.speed < SLOW)
         at = (is_slow & (perception.lead < 0)).nonzero()[0]
-        which = at[self.neighbours.has_side[drivers.lanes[0, at]] & self._may[at]] if len(at) else at
+        which = at[self.neighbours.has_side[drivers.lanes[0, at]] & self.may[at]] if len(at) else at
         if not len(which):
             return
         gap = perception.gap[which] - SPARE_ROOM
         brakes = follow(drivers.speed[which], desired_speed[which], gap, perception.lead_speed[which])
         accel[which] = np.fmin(accel[which], np.fmax(brakes, -FIRM))
 
-    def _start(self, drivers: Drivers, which: IntArray, side: IntArray, is_tight: BoolArray) -> None:
+    def start(self, drivers: Drivers, which: IntArray, side: IntArray, is_tight: BoolArray) -> None:
         """Begin lane changes: the vehicles belong to the other lanes from now on, where they are.
 
         Args:

@@ -63,7 +63,7 @@ class ManyRoads(Roads):
         self._derived = {}
         self._search = roads.derived(_cells_of)
         self.scale_of_lane = np.arange(num).repeat(len(roads))
-        for name in ("length", "width", "speed_limit", "turn", "base", "_last_leg", "_legs_per_metre"):
+        for name in ("length", "width", "speed_limit", "turn", "base", "last_leg", "legs_per_metre"):
             setattr(self, name, np.tile(getattr(roads, name), num))
         self.first = np.append(np.tile(roads.first[:-1], num), len(roads.points))
 

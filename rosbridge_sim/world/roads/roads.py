@@ -69,6 +69,9 @@ class Roads:
         bank: (n, 2) rise across the lane for each metre to the left, in its left and its right half, at each point; 0
             where the map does not say.
         has_long_legs: whether smooth lines are so much longer than their legs that it matters, see `bends.is_longer`.
+        last_leg, legs_per_metre: (l,) int64, the point before the last one of each lane; and its legs a metre [1/m].
+        leg_end_of, segment_of_point: (n,) arc length of the next point, 0 at the last ones of lanes [m]; int64, the row
+            of the segment that begins at each point.
         is_flat: whether all of it has one height.
         segments: the straight segments of all lanes.
         first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
@@ -82,12 +85,8 @@ class Roads:
 
     __slots__ = (
         "_derived",
-        "_last_leg",
-        "_leg_end",
-        "_legs_per_metre",
         "_rows",
         "_search",
-        "_segment_of_point",
         "alone",
         "bank",
         "base",
@@ -101,12 +100,16 @@ class Roads:
         "ids",
         "is_flat",
         "is_stop",
+        "last_leg",
         "left",
+        "leg_end_of",
+        "legs_per_metre",
         "length",
         "points",
         "right",
         "s",
         "scale_of_lane",
+        "segment_of_point",
         "segments",
         "speed_limit",
         "successor",
@@ -232,7 +235,7 @@ class Roads:
         start, curve = self.points.take(point, axis=0), self.curve.take(point, axis=0)
         step = self.points.take(point + 1, axis=0) - start
         place = start + share[:, None] * step
-        segment = self._segment_of_point[point]
+        segment = self.segment_of_point[point]
         yaw = self.segments.angle[segment]
         if not np.count_nonzero(curve):
             return place, yaw
@@ -291,16 +294,16 @@ class Roads:
             point, 0..1.
         """
         s = np.fmin(np.fmax(s, 0.0), self.length[lane])
-        first, last = self.first[lane], self._last_leg[lane]
+        first, last = self.first[lane], self.last_leg[lane]
         # Most lanes have their points at equal distances: then the place is known without a search.
-        point = np.minimum(first + (s * self._legs_per_metre[lane]).astype(np.int64), last)
+        point = np.minimum(first + (s * self.legs_per_metre[lane]).astype(np.int64), last)
         start = self.s[point]
-        at = ((s < start) | (s >= self._leg_end[point])).nonzero()[0]
+        at = ((s < start) | (s >= self.leg_end_of[point])).nonzero()[0]
         if len(at):
             found = self.chain.searchsorted(self.base[lane[at]] + s[at], side="right") - 1
             point[at] = np.minimum(np.maximum(found, first[at]), last[at])
             start = self.s[point]
-        return point, (s - start) / self.segments.length[self._segment_of_point[point]]
+        return point, (s - start) / self.segments.length[self.segment_of_point[point]]
 
     def nearest(
         self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None, z: npt.ArrayLike | None = None
@@ -423,12 +426,12 @@ class Roads:
         self.base = self.chain[self.first[:-1]]
         self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
-        self._last_leg = self.first[1:] - 2
-        self._leg_end = np.append(self.s[1:], 0.0)
-        self._segment_of_point = np.cumsum(~is_last) - 1
-        num_legs = (self._last_leg + 1 - self.first[:-1]).astype(np.float64)
+        self.last_leg = self.first[1:] - 2
+        self.leg_end_of = np.append(self.s[1:], 0.0)
+        self.segment_of_point = np.cumsum(~is_last) - 1
+        num_legs = (self.last_leg + 1 - self.first[:-1]).astype(np.float64)
         # A lane of a nanometre behind many kilometres of lanes has no length here.
-        self._legs_per_metre = np.divide(num_legs, self.length, out=num_legs, where=self.length > 0.0)
+        self.legs_per_metre = np.divide(num_legs, self.length, out=num_legs, where=self.length > 0.0)
 
         yaw = self.segments.yaw(np.arange(len(lane)))
         bend = np.where(lane[1:] == lane[:-1], wrap_angle(np.diff(yaw)), 0.0)

@@ -62,7 +62,7 @@ class Script:
 
     def __init__(self, num: int) -> None:
         self.given = [Term(self, f"a{i}") for i in range(num)]
-        self._lines = [f"{', '.join(term.name for term in self.given)}, = given"]
+        self.lines = [f"{', '.join(term.name for term in self.given)}, = given"]
 
     def write(self, form: str, *args: Term | float) -> Term:
         """Add a line that computes one number.
@@ -71,14 +71,14 @@ class Script:
             form: an expression, with `{}` or `{0}`, `{1}` for the arguments.
             args: terms of this script, or finite numbers.
         """
-        term = Term(self, f"b{len(self._lines)}")
+        term = Term(self, f"b{len(self.lines)}")
         names = [arg.name if isinstance(arg, Term) else f"({float(arg)!r})" for arg in args]
-        self._lines.append(f"{term.name} = {form.format(*names)}")
+        self.lines.append(f"{term.name} = {form.format(*names)}")
         return term
 
     def write_cell(self, function: str, arg: Term) -> Term:
         """Add lines that compute a function of numpy: as for an array of one number, which has its own rounding."""
-        self._lines += [f"cell[0] = {arg.name}", f"{function}(cell, cell)"]
+        self.lines += [f"cell[0] = {arg.name}", f"{function}(cell, cell)"]
         return self.write("cell.item()")
 
     def compile(self, results: Sequence[Term]) -> Callable[[Sequence[float], FloatArray], tuple[float, ...]]:
@@ -87,7 +87,7 @@ class Script:
         It takes the numbers of `given` and an array of one number, which it uses meanwhile; it returns the numbers of
         `results`. The array is the caller's, so that worlds in several threads can share the function.
         """
-        lines = [*self._lines, f"return {', '.join(term.name for term in results)},"]
+        lines = [*self.lines, f"return {', '.join(term.name for term in results)},"]
         source = "def function(given, cell):\n" + "".join(f"    {line}\n" for line in lines)
         space: dict[str, Any] = {"sin": np.sin, "cos": np.cos, "arctan": np.arctan, "sqrt": math.sqrt, "wrap": _wrap}
         exec(compile(source, f"<equations of {len(self.given)} numbers>", "exec"), space)  # noqa: S102 - our own lines

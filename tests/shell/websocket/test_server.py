@@ -27,6 +27,7 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.kernels.backend import backend
 from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COST
 from rosbridge_sim.shell.websocket import turns
 from rosbridge_sim.shell.websocket.access import Access
@@ -482,7 +483,8 @@ async def test_version_is_json(listen: Listen) -> None:
     for target in ("/version", "/version?token=needless"):
         status, body = await port.http(target)
         assert status == 200
-        assert json.loads(body) == {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
+        expected = {"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"}
+        assert json.loads(body) == {**expected, "backend": backend()}
 
 
 async def test_plain_http_request_on_another_path_gets_an_explanation(listen: Listen) -> None:

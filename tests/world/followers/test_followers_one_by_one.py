@@ -8,7 +8,7 @@ import pytest
 from rosbridge_sim.world.drivers.driver_model import accelerate
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.drivers.lane_position import keep_lane
-from rosbridge_sim.world.followers.lane_following import _LaneFollowers
+from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.followers.other_entities import find_passed_first
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -83,7 +83,7 @@ def test_step_moves_a_driver_by_its_mean_speed_and_not_backwards(
     world = world_of(road())
     row = car(world, "a", 50.0, speed=speed)
     world.accel[row], world.yaw[row], world.yaw_rate[row] = accel, 3.14, 1.0
-    _LaneFollowers(world).move(0.02)
+    LaneFollowers(world).move(0.02)
     assert (world.speed[row], world.accel[row]) == (pytest.approx(after), pytest.approx(told))
     assert (world.arc[row], world.x[row], world.y[row]) == (pytest.approx(50.0 + way), pytest.approx(50.0 + way), 0.0)
     assert world.yaw[row] == pytest.approx(3.16 - 2.0 * np.pi)
@@ -100,7 +100,7 @@ def test_driver_that_comes_to_the_next_lane_is_on_it_with_one_more_lane_ahead() 
     )
     row = car(world, "a", 39.9, speed=10.0)
     assert (world.turns[row], world.behind[row], world.ahead_5[row]) == (0, -1, 5)
-    _LaneFollowers(world).move(0.02)
+    LaneFollowers(world).move(0.02)
     assert (world.lane[row], world.behind[row], world.ahead_1[row], world.ahead_5[row]) == (1, 0, 2, 6)
     assert (world.turns[row], world.arc[row]) == (1, pytest.approx(0.1))
     assert (world.x[row], world.leg_start[row], world.leg_end[row]) == (pytest.approx(40.1), 0.0, 40.0)
@@ -110,7 +110,7 @@ def test_driver_at_a_dead_end_stands_at_it() -> None:
     world = world_of(road(100.0))
     row = car(world, "a", 99.9, speed=10.0)
     world.accel[row] = 1.0
-    _LaneFollowers(world).move(0.02)
+    LaneFollowers(world).move(0.02)
     assert (world.speed[row], world.accel[row]) == (0.0, 0.0)
     assert world.arc[row] == np.nextafter(100.0, 0.0)
 
@@ -119,7 +119,7 @@ def test_driver_that_enters_a_lane_which_it_has_claimed_holds_it() -> None:
     world = world_of(crossing())
     row = car(world, "w", 189.9, speed=10.0)
     world.claim[row] = world.ahead_1[row]
-    _LaneFollowers(world).move(0.02)
+    LaneFollowers(world).move(0.02)
     assert (world.held[row], world.claim[row]) == (world.lane[row], -1)
 
 
@@ -130,7 +130,7 @@ def test_driver_turns_by_the_way_up_to_the_next_decision_or_to_its_stand(
     world = world_of(make(a=(arc(0, 0, 30, 0, 180), "b"), b=(arc(0, 0, 30, 180, 180), "a")))
     row = car(world, "a", 50.0, speed=speed)
     world.accel[row] = accel
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     followers._steer(followers.drivers().lanes, world.speed[[row]], world.accel[[row]])
     assert world.yaw_rate[row] == pytest.approx(way / 30.0 / 0.1, rel=0.02)
     assert world.lateral_accel[row] == pytest.approx(world.yaw_rate[row] * speed)
@@ -145,7 +145,7 @@ def test_decision_brings_accelerations_nearer_to_what_drivers_want_by_their_reac
         row = car(world, "a", 60.0 * i + 30.0, speed=float(rng.uniform(0.0, 14.0)))
         world.accel[row] = rng.uniform(-2.0, 2.0)
     world.frame = 5
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     scene, before = Scene(world), world.accel[followers.rows].copy()
     wanted = accelerate(scene.drivers.speed, scene.perception, scene.drivers.parameters)
     followers.decide()
@@ -161,7 +161,7 @@ def test_self_driving_ego_decides_where_it_is_and_has_its_pedals_follow_at_once(
         assert start_self_driving(world, row)
     world.x[rows], world.accel[rows] = [42.5, 103.0, 149.0], 0.3  # where their tyres have brought them
     world.frame = 5
-    _LaneFollowers(world).decide()
+    LaneFollowers(world).decide()
     assert world.lane[rows].tolist() == [0, 1, 1]
     assert world.arc[rows] == pytest.approx([42.5, 3.0, 49.0])
     wanted = world.accel[rows].copy()
@@ -182,7 +182,7 @@ def test_driver_before_a_full_street_chooses_other_lanes_once_in_two_seconds() -
         world = world_of(roads)
         car(world, "d", 3.0, desired_speed=0.0)
         row = car(world, "a", 95.0, speed=speed, route=route)
-        followers, turns = _LaneFollowers(world), []
+        followers, turns = LaneFollowers(world), []
         for decision in range(45):
             world.frame = 5 * decision
             followers.decide()
@@ -197,7 +197,7 @@ def test_each_driver_is_let_in_for_eight_seconds_of_each_minute_and_neighbours_a
     world = world_of(road())
     for i in range(3):
         car(world, "a", 50.0 * i + 30.0)
-    followers, seen = _LaneFollowers(world), []
+    followers, seen = LaneFollowers(world), []
     for decision in range(600):
         world.frame = 5 * decision
         seen.append(followers.drivers().is_let_in.tolist())
@@ -224,7 +224,7 @@ def test_way_along_a_lane_is_that_of_those_beside_it_and_aslant_of_it() -> None:
         (world.yaw_rate, 2.0),
     ]:
         column[:num] = rng.uniform(-most, most, num)
-    followers, step = _LaneFollowers(world), rng.uniform(0.0, 0.3, num)
+    followers, step = LaneFollowers(world), rng.uniform(0.0, 0.3, num)
     followers.shifted = np.arange(0, num, 2)
     found = followers._along(step[::2], dt)
     for k, row in enumerate(range(0, num, 2)):
@@ -244,7 +244,7 @@ def test_driver_that_stands_does_not_turn() -> None:
     world = world_of(road())
     row = car(world, "a", 50.0)
     world.yaw[row] += 0.1
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     for accel, turn in ((0.0, 0.0), (-1.0, 0.0), (1.0, -1.0)):
         followers._steer(followers.drivers().lanes, np.array([0.0]), np.array([accel]))
         assert (world.yaw_rate[row], world.lateral_accel[row]) == (pytest.approx(turn), 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_entries import Drivers
-from rosbridge_sim.world.followers.lane_following import _LaneFollowers
+from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -122,7 +122,7 @@ def test_drivers_see_those_without_lanes_where_they_are_or_will_soon_be(
     seed: int, roads: tuple[Roads, SignalPlan]
 ) -> None:
     world = busy_street(roads, seed)
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
     world.x[may_move & ~world.has_lane] += 3.0  # since the drivers came, whatever can move has moved
     world.speed[(world.kind == Kind.EGO) & (world.speed == 0.0)] = 0.7
@@ -147,13 +147,13 @@ def test_those_that_stand_are_seen_anew_as_soon_as_one_moves() -> None:
     world.lay_roads(*street())
     row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=50.0, y=0.0))
     car(world, "a", 10.0, speed=5.0)
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     drivers = followers.drivers()
     first, again = followers.others(drivers)[0], followers.others(drivers)[0]
     assert first.s.tolist() == again.s.tolist() == pytest.approx([50.0 + CAR.centre])
     for column, change in ((world.x, 2.0), (world.yaw, 0.3), (world.speed, 1.0), (world.accel, 1.0)):
         column[row] += change
-        seen, fresh = followers.others(drivers)[0], _LaneFollowers(world).others(drivers)[0]
+        seen, fresh = followers.others(drivers)[0], LaneFollowers(world).others(drivers)[0]
         for name in ("lane", "s", "tail", "speed", "accel", "stands"):
             assert getattr(seen, name).tobytes() == getattr(fresh, name).tobytes()
     assert seen.accel.tolist() != first.accel.tolist()

@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import headings, keep_lane
-from rosbridge_sim.world.followers.lane_following import _LaneFollowers
+from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
 from rosbridge_sim.world.lane_changes.lane_change_motion import length_of_tight_shift, time_of_shift
@@ -28,9 +28,9 @@ IS_OFF, LONG_IS_OFF = 1.0, 0.3
 VAN = Body(5.5, 2.0, 2.2, wheelbase=3.2, front_overhang=1.0, rear_overhang=1.3)
 
 
-def decide(world: World, decision: int, accel: float = 9.0) -> tuple[FloatArray, _LaneFollowers]:
+def decide(world: World, decision: int, accel: float = 9.0) -> tuple[FloatArray, LaneFollowers]:
     """Have all drivers decide on their changes; the accelerations (n,) that they choose then, and the drivers."""
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     drivers = followers.drivers()
     others, _, num_moving = followers.others(drivers)
     perception = perceive(followers.conflicts, world.signals.may_enter, drivers, others, num_moving)
@@ -156,7 +156,7 @@ class OneByOne(Scene):
 @pytest.mark.parametrize("seed", range(8))
 def test_vehicle_is_also_on_the_lane_that_it_leaves_until_it_is_off_it(seed: int) -> None:
     world = changes(seed)
-    followers = _LaneFollowers(world)
+    followers = LaneFollowers(world)
     drivers = followers.drivers()
     expected = []
     for i, row in enumerate(followers.rows.tolist()):
@@ -270,7 +270,7 @@ def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane(*, is_
     stands_at = world.roads.at([1], [100.0])[0][0]
     ego(world, float(stands_at[0]), float(stands_at[1]))
     world.change[row], world.signal[row] = LaneChange.AROUND, LEFT + 1
-    followers, decisions = _LaneFollowers(world), 0
+    followers, decisions = LaneFollowers(world), 0
     while not world.leaving[row]:
         world.frame = FRAME + 5 * decisions
         followers.decide()
@@ -290,7 +290,7 @@ def test_bus_in_a_bend_goes_on_with_its_change_of_lanes_and_swings_later(num_oth
     world.leaving[row], world.lateral_left[row] = RIGHT + 1, 0.7
     world.lateral[row], world.lateral_from[row] = -2.4, -3.5
     world.frame = FRAME
-    _LaneFollowers(world).decide()
+    LaneFollowers(world).decide()
     assert world.lateral_left[row] < 0.7
     assert world.lateral_from[row] == -3.5
 

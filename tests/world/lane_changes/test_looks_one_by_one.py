@@ -13,7 +13,7 @@ import pytest
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import keep_lane, set_legs
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
-from rosbridge_sim.world.followers.lane_following import _LaneFollowers
+from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.lane_changes.lane_change_decision import LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
@@ -212,7 +212,7 @@ class Scene:
     """What all drivers of a world see."""
 
     def __init__(self, world: World) -> None:
-        self.world, self.followers = world, _LaneFollowers(world)
+        self.world, self.followers = world, LaneFollowers(world)
         self.drivers = self.followers.drivers()
         others, _, num_moving = self.followers.others(self.drivers)
         may_enter = world.signals.may_enter

@@ -1,0 +1,114 @@
+"""Compile the loops of `world.kernels` with a C compiler, keep the library in the user's cache folder, and load it.
+
+The library's name has a digest of the source, which has all constants and rules in it, of the version, the compiler
+and the kind of processor: another one is another file. No option lets the compiler change results.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import shlex
+import stat
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from functools import partial
+from hashlib import blake2b
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Final, cast
+
+from rosbridge_sim.errors import RosbridgeSimError
+from rosbridge_sim.version import __version__
+from rosbridge_sim.world.followers.lane_following import take_kernels
+from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
+from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
+
+_OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
+"""No fused multiply-add: it rounds once, where numpy rounds twice."""
+
+MAX_SECONDS: Final = 300.0
+"""A compiler that takes longer is stopped [s]."""
+
+_TYPES: Final[Mapping[str, Any]] = {"": None, "I": ctypes.c_int64, "D": ctypes.c_double}
+
+
+class NoKernelsError(RosbridgeSimError):
+    """The loops cannot be compiled or loaded; the text says why, and the arrays go on."""
+
+
+def cache_folder(environment: Mapping[str, str]) -> Path:
+    """Return the folder for libraries in the user's cache folder."""
+    if sys.platform == "win32":
+        base = environment.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = str(Path.home() / "CompiledLoops" / "Caches")
+    else:
+        base = environment.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "rosbridge_sim"
+
+
+def read_source() -> str:
+    """Return the source of the loops."""
+    folder = files("rosbridge_sim.world.kernels")
+    return write_source([folder.joinpath(name).read_text(encoding="utf-8") for name in FILES])
+
+
+def library_path(source: str, compiler: Sequence[str], folder: Path) -> Path:
+    """Return where the library of a source is, if it was compiled."""
+    parts = (source, __version__, *compiler, *_OPTIONS, sys.platform, platform.machine())
+    digest = blake2b("\0".join(parts).encode(), digest_size=16).hexdigest()
+    return folder / f"kernels-{digest}{'.dll' if sys.platform == 'win32' else '.so'}"
+
+
+def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
+    """Compile a source. Others that do the same at the same time do not matter: the file comes into its place whole.
+
+    Raises:
+        NoKernelsError: the compiler is missing, fails or takes too long, or the folder cannot be written.
+    """
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as folder:
+            text, built = Path(folder) / "kernels.c", Path(folder) / path.name
+            text.write_text(source, encoding="utf-8")
+            command = [*compiler, *_OPTIONS, str(text), "-o", str(built)]
+            if sys.platform != "win32":
+                command.append("-lm")
+            done = subprocess.run(command, capture_output=True, timeout=MAX_SECONDS, check=False)  # noqa: S603 - the user's own compiler
+            if done.returncode:
+                said = done.stderr.decode(errors="replace").strip()[:500]
+                raise NoKernelsError(f"{shlex.join(compiler)} failed with status {done.returncode}: {said}")
+            built.replace(path)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise NoKernelsError(f"cannot compile with {shlex.join(compiler)} into {path.parent}: {error}") from error
+
+
+def load_library(path: Path) -> CompiledLoops:
+    """Load a compiled library.
+
+    Raises:
+        NoKernelsError: it is no library of ours, or others than the user may write it.
+    """
+    try:
+        if sys.platform != "win32":
+            info = path.stat()
+            if info.st_uid != os.getuid() or info.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+                raise NoKernelsError(f"{path}: expected a file that is yours and that nobody else may write; remove it")
+        library = ctypes.PyDLL(str(path))  # short calls: they keep the interpreter's lock
+        for name, types in FUNCTIONS.items():
+            result, _, argument = types.partition(" ")
+            function = getattr(library, name)
+            function.restype = _TYPES[result]
+            function.argtypes = [ctypes.c_void_p, *([_TYPES[argument]] if argument else [])]
+    except (OSError, AttributeError) as error:
+        raise NoKernelsError(f"{path}: cannot load it ({error}); remove it, and it is compiled again") from error
+    return cast("CompiledLoops", library)
+
+
+def take_library(path: Path) -> None:
+    """Load a compiled library, and have all worlds take its loops; see `load_library`."""
+    take_kernels(partial(LaneKernel, load_library(path)))

@@ -1,0 +1,239 @@
+"""The source of the loops: constants and rules of the package, the structure that all loops get, and the files in C.
+
+A rule of drivers is written once, as a function of operators and numbers (`rule_operators`). It becomes a function in
+C as it becomes one of single floats. The structure has 64 bits for each field: a whole number or an array's address.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+from rosbridge_sim.world.drivers import (
+    driver_model,
+    driver_parameters,
+    lane_entries,
+    lane_wander,
+    look_rules,
+    right_of_way,
+)
+from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD
+from rosbridge_sim.world.followers import lane_following
+from rosbridge_sim.world.lane_changes import (
+    lane_change_decision,
+    lane_change_model,
+    lane_change_motion,
+    lane_change_passing,
+    lane_changes,
+)
+from rosbridge_sim.world.roads import lane_conflicts, turn_shares
+from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.written_equations import Script, Term
+
+FILES: Final = ("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c")
+"""The files beside this one, in their order."""
+
+LOOK_WORDS: Final = 32
+"""Room for the look of one driver at the lanes beside, in 8 bytes."""
+
+COLUMNS: Final[Mapping[str, str]] = {
+    "D": "accel speed x y yaw z arc yaw_rate lateral_accel leg_start leg_end leg_x leg_y leg_z leg_dx leg_dy leg_dz"
+    " desired_speed lateral lateral_rate drift drift_rate wander wander_slope wander_slope_rate wander_x wander_y"
+    " wander_x_rate wander_y_rate",
+    "I": "turns claim held exit_lane point lane signal change change_since leaving came_from",
+}
+"""Columns of the world, by row."""
+
+OF_ROADS: Final[Mapping[str, str]] = {
+    "D": "length legs_per_metre s leg_end_of chain base points curve turn",
+    "I": "first last_leg segment_of_point first_successor successor scale_of_lane",
+}
+OF_CONFLICTS: Final[Mapping[str, str]] = {
+    "D": "wait_point clear_point shared speeds_ahead legs",
+    "B": "gives_way rival_passes rival_right",
+}
+OF_NEIGHBOURS: Final[Mapping[str, str]] = {
+    "D": "across",
+    "I": "group place beside merge_side",
+    "B": "may has_side keeps_right",
+}
+OF_JOINS: Final[Mapping[str, str]] = {"D": "narrow_from", "I": "join"}
+"""Attributes of `Roads`, `LaneConflicts`, `LaneNeighbours` and `Joins`, by lane, point or link."""
+
+OF_MAP: Final[Mapping[str, str]] = {
+    "D": "segment_length sibling_figure rival_figure straight_end straight_yaw room",
+    "I": "onward_first onward_other sibling_first sibling_other rival_first rival_other before_first before_other light"
+    " bounds",
+    "B": "may_enter",
+}
+"""More facts about lanes and points, about links of lanes and about lights."""
+
+OF_DRIVERS: Final[Mapping[str, str]] = {
+    "D": "nose rear body_length wheelbase speed_factor desired headway own_accel comfort own_lateral reaction"
+    " politeness change_time most_lateral response lateral_now half_room aim",
+    "I": "rows uid let_in_later route_length route_first route wandering shifted",
+    "B": "may_change is_loop is_ego",
+    "uint64_t": "salt",
+}
+"""Figures of the drivers, of those that wander, and their routes."""
+
+OF_ENTRIES: Final[Mapping[str, str]] = {
+    "D": "other_s other_tail other_speed other_accel left_s left_tail left_speed left_accel",
+    "I": "other_lane left_lane left_source",
+    "B": "other_stands",
+}
+"""Entries of others, and of those that change lanes on the lanes that they leave."""
+
+FOR_DRIVERS: Final[Mapping[str, str]] = {
+    "D": "gap lead_speed lead_accel stop_distance safe_speed asked_distance wanted desired_now asking_place distance"
+    " heading east north angle sine cosine",
+    "I": "frame decision lead_at lead asked asked_exit asking looking at side shift_of",
+    "B": "is_shut_out is_blocked asked_again is_leaving is_clear is_tight is_second can_go",
+}
+"""Room for what is worked out for each driver."""
+
+FOR_QUEUE: Final[Mapping[str, str]] = {
+    "D": "q_s q_tail q_speed q_accel e_s e_tail e_speed e_accel",
+    "I": "q_key q_lane q_source q_position e_lane e_source",
+}
+FOR_LANES: Final[Mapping[str, str]] = {
+    "D": "reserved taken nearest",
+    "I": "best best_now q_first",
+    "B": "stands has_long",
+}
+FOR_LOOKS: Final[Mapping[str, str]] = {"void": "looks"}
+
+NUMBERS: Final = [
+    *("n", "stride", "num_lanes", "num_in_map", "num_points", "num_others", "num_leaving", "num_moving"),
+    *("num_entries", "num_bounds", "num_looks", "num_wandering", "num_shifted"),
+    *("has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
+]
+"""Whole numbers of the structure."""
+
+_TABLES: Final = (
+    *(COLUMNS, OF_ROADS, OF_CONFLICTS, OF_NEIGHBOURS, OF_JOINS, OF_MAP, OF_DRIVERS, OF_ENTRIES),
+    *(FOR_DRIVERS, FOR_QUEUE, FOR_LANES, FOR_LOOKS),
+)
+ARRAYS: Final = {name: kind for table in _TABLES for kind, names in table.items() for name in names.split()}
+"""All arrays, with the type of their numbers in C."""
+
+
+def names_in(table: Mapping[str, str]) -> list[str]:
+    """Return the names of a table."""
+    return " ".join(table.values()).split()
+
+
+PLACE_OF: Final = {name: place for place, name in enumerate([*NUMBERS, *ARRAYS])}
+"""Places of fields in the structure."""
+
+FUNCTIONS: Final = {
+    **dict.fromkeys(("begin_decision", "perceive", "accelerate", "follow_wishes", "plan_wander", "nudge"), ""),
+    **dict.fromkeys(("is_anybody_changing", "look_at_lanes_beside", "look_at_headings", "steer"), "I"),
+    **dict.fromkeys(("signal_changes", "take_headings"), "I I"),
+    **dict.fromkeys(("find_slants", "move"), " D"),
+}
+"""Functions of the library: the type of the result, and that of the argument after the structure's address."""
+
+_CONSTANTS: Final = {
+    driver_model: "GAP STOP_GAP BRAKE_FROM FIRM HARDEST CREEP",
+    driver_parameters: "HEAVY_LENGTH",
+    right_of_way: "SAME_DISTANCE FAR LEFT_TURN ROOM_TIME",
+    lane_following: "LET_IN_EVERY LET_IN_FOR MAX_WAIT_DECISIONS MAX_LANES_ENTERED LONGEST_LEG MAX_STRETCH INTERVAL",
+    look_rules: "MUCH_SLOWER",
+    lane_conflicts: "FORESIGHT TURNS_AHEAD MIN_SAFE_SPEED MAX_LATERAL SETTLING_TIME",
+    lane_entries: "TICKS INDEX_BITS INDEX_MASK LAST_KEY",
+    turn_shares: "ONE",
+    lane_change_decision: "SIGNAL_FRAMES PATIENCE REST RETURN GOOD_REASON MUST_TIME MUST_WAY WAY_ON ENTRY_WAY"
+    " SPEED_TOLERANCE LIGHT_QUEUE QUEUE_GAP BLOCKED_TIME BLOCKED_WAY PULL_OUT PULL_OUT_PER_LENGTH STUCK KIND_BRAKING"
+    " COURTESY BEFORE_JOIN LOOK_BACK",
+    lane_change_model: "SAFE_BRAKING THRESHOLD KEEP_RIGHT_BIAS MIN_GAP MIN_HEADWAY",
+    lane_change_motion: "CAR_LENGTH",
+    lane_change_passing: "STANDS",
+    lane_changes: "LOOK_EVERY LOOK_PARTS SPARE_ROOM SLOW",
+}
+_MORE_CONSTANTS: Final = {
+    "PI": math.pi,
+    "FULL_TURN": 2.0 * math.pi,
+    "NUM_LANES": NUM_AHEAD + 1,
+    "LOOK_WORDS": LOOK_WORDS,
+    "LANE_WIDTH": lane_change_motion.LANE,
+    "SIGNAL_TIME": lane_change_decision.SIGNAL_FRAMES * DT,
+}
+
+_RULES: Final[Mapping[Callable[..., Any], int]] = {
+    look_rules.foresee: 15,
+    look_rules.slow_down: 10,
+    driver_model.firm_stop: 3,
+    driver_model.drive_free: 4,
+    driver_model.stop: 3,
+    driver_model.follow: 7,
+    lane_change_model.mean_follow: 4,
+    lane_change_motion.shift_time: 2,
+    lane_change_motion.lateral_left: 4,
+    lane_wander.wander_ahead: 5,
+}
+"""Rules, and how many numbers each gets."""
+
+_HEAD: Final = """#include <math.h>
+#include <stdint.h>
+#ifdef _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT
+#endif
+typedef int64_t I;
+typedef double D;
+typedef uint8_t B;
+"""
+
+
+class _COperators:
+    """The functions of `rule_operators.RuleOperators` in C."""
+
+    def __init__(self, script: Script) -> None:
+        self._script = script
+
+    def least(self, a: Term, b: Term | float, /) -> Term:
+        return self._script.write("({1} < {0} ? {1} : {0}) + 0.0", a, b)
+
+    def most(self, a: Term, b: Term | float, /) -> Term:
+        return self._script.write("({1} > {0} ? {1} : {0}) + 0.0", a, b)
+
+    def pick(self, condition: Term, if_positive: Term | float, otherwise: Term | float, /) -> Term:
+        return self._script.write("{0} > 0.0 ? {1} : {2}", condition, if_positive, otherwise)
+
+    def root(self, a: Term, /) -> Term:
+        return self._script.write("sqrt({})", a)
+
+
+def write_rule(rule: Callable[..., Any], num: int) -> str:
+    """Return a rule as a function in C, which writes its results to an array.
+
+    Args:
+        rule: gets operators and `num` numbers; returns a number or several.
+    """
+    script = Script(num)
+    found = rule(_COperators(script), *script.given)
+    results = found if isinstance(found, Sequence) else (found,)
+    arguments = ", ".join(f"D {term.name}" for term in script.given)
+    lines = [f"D {line};" for line in script.lines[1:]] + [f"o[{i}] = {term.name};" for i, term in enumerate(results)]
+    body = "".join(f"  {line}\n" for line in lines)
+    return f"static inline void {getattr(rule, '__name__', '')}(D *o, {arguments}) {{\n{body}}}\n"
+
+
+def write_source(files: Sequence[str]) -> str:
+    """Return the whole source.
+
+    Args:
+        files: texts of `FILES`.
+    """
+    constants = {name: getattr(module, name) for module, names in _CONSTANTS.items() for name in names.split()}
+    defined = [f"#define {name} {_literal(value)}\n" for name, value in (constants | _MORE_CONSTANTS).items()]
+    fields = [f"I {name};" for name in NUMBERS] + [f"{kind} *{name};" for name, kind in ARRAYS.items()]
+    struct = "typedef struct {\n" + "".join(f"  {field}\n" for field in fields) + "} K;\n"
+    return "".join([_HEAD, *defined, struct, *(write_rule(*rule) for rule in _RULES.items()), *files])
+
+
+def _literal(value: float) -> str:
+    return repr(value) if isinstance(value, float) else f"{value}ll"

@@ -1,0 +1,343 @@
+"""The lane followers of one world or of many, driven by loops in C, to the last bit as by arrays.
+
+The loops do what all drivers need at each decision and in each step. What is rare stays with numpy: entities that
+follow no lanes, joins, intruders, the start and the end of lane changes, the swing of long vehicles, and all sines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.world.drivers.driver_model import Perception
+from rosbridge_sim.world.drivers.intruders import stop_for_intruders
+from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue, scale_ticks
+from rosbridge_sim.world.drivers.lane_position import find_straights, headings
+from rosbridge_sim.world.drivers.lane_wander import room_of
+from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
+from rosbridge_sim.world.followers.lane_following import DECISION, LaneFollowers
+from rosbridge_sim.world.kernels.c_source import (
+    ARRAYS,
+    COLUMNS,
+    FOR_DRIVERS,
+    FOR_LANES,
+    FOR_QUEUE,
+    LOOK_WORDS,
+    OF_CONFLICTS,
+    OF_JOINS,
+    OF_NEIGHBOURS,
+    OF_ROADS,
+    PLACE_OF,
+    names_in,
+)
+from rosbridge_sim.world.lane_changes.lane_change_motion import LANE, find_shifted
+from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
+
+_TYPES: Final = {"D": np.float64, "I": np.int64, "B": np.bool_}
+
+
+class CompiledLoops(Protocol):
+    """The compiled loops: functions of the address of the structure, see `c_source.FUNCTIONS`."""
+
+    begin_decision: Callable[[int], None]
+    perceive: Callable[[int], None]
+    accelerate: Callable[[int], None]
+    is_anybody_changing: Callable[[int], int]
+    look_at_lanes_beside: Callable[[int], int]
+    signal_changes: Callable[[int, int], int]
+    follow_wishes: Callable[[int], None]
+    look_at_headings: Callable[[int], int]
+    take_headings: Callable[[int, int], int]
+    plan_wander: Callable[[int], None]
+    steer: Callable[[int], int]
+    find_slants: Callable[[int, float], None]
+    move: Callable[[int, float], None]
+    nudge: Callable[[int], None]
+
+
+class _Fields:
+    """The structure that all loops get; it keeps the arrays whose addresses it holds.
+
+    Attributes:
+        address: of the structure.
+        arrays: by name.
+    """
+
+    def __init__(self) -> None:
+        self._words = np.zeros(len(PLACE_OF), np.int64)
+        self.address = _address(self._words)
+        self.arrays: dict[str, npt.NDArray[Any]] = {}
+
+    def __getitem__(self, number: str) -> int:
+        return self._words.item(PLACE_OF[number])
+
+    def __setitem__(self, number: str, value: int) -> None:
+        self._words[PLACE_OF[number]] = value
+
+    def take(self, **arrays: npt.NDArray[Any]) -> None:
+        """Take arrays, whose last axis is contiguous."""
+        for name, array in arrays.items():
+            if self.arrays.get(name) is not array:
+                self.arrays[name], self._words[PLACE_OF[name]] = array, _address(array)
+
+    def copy(self, source: object, table: Mapping[str, str]) -> None:
+        """Take the attributes of an object that a table names; None is none."""
+        arrays = {name: getattr(source, name) for name in names_in(table)}
+        self.take(**{name: array for name, array in arrays.items() if array is not None})
+
+    def make(self, table: Mapping[str, str], num: int) -> None:
+        """Make arrays of zeros."""
+        for kind, names in table.items():
+            self.take(**{name: np.zeros(max(num, 1), _TYPES[kind]) for name in names.split()})
+
+
+def _address(array: npt.NDArray[Any]) -> int:
+    address: int = array.__array_interface__["data"][0]
+    return address
+
+
+class LaneKernel:
+    """See the head of this file. It lives as long as the followers.
+
+    Args:
+        library: the loops.
+        followers: written.
+    """
+
+    def __init__(self, library: CompiledLoops, followers: LaneFollowers) -> None:
+        self._do, self._followers, self._fields = library, followers, _Fields()
+        self._at = self._fields.address
+        self._others: Entries | None = None
+        self._most_entries = 0
+        self._take_map()
+        self._take_drivers()
+        fields, siblings = self._fields, followers.conflicts.siblings
+        fields.make(FOR_DRIVERS, followers.num)
+        fields.make(FOR_LANES, len(followers.roads) + 1)
+        fields.take(looks=np.zeros(LOOK_WORDS * followers.num, np.int64))
+        # Each driver has an entry on its lane, one on a lane that it leaves, and one on each sibling.
+        self._most_own = followers.num * (2 + int(np.diff(siblings.first).max(initial=0)))
+        self._take_shifted()
+
+    def _take_map(self) -> None:
+        followers, fields = self._followers, self._fields
+        roads, conflicts, neighbours = followers.roads, followers.conflicts, followers.changes.neighbours
+        straight_end, straight_yaw = roads.derived(find_straights)
+        links = {
+            "onward": conflicts.onward,
+            "sibling": conflicts.siblings,
+            "rival": conflicts.rivals,
+            "before": neighbours.before,
+        }
+        for name, link in links.items():
+            parts = {f"{name}_first": link.first, f"{name}_other": link.other, f"{name}_figure": link.figure}
+            fields.take(**{part: array for part, array in parts.items() if part in ARRAYS})
+        fields.copy(roads, OF_ROADS)
+        fields.copy(conflicts, OF_CONFLICTS)
+        fields.copy(neighbours, OF_NEIGHBOURS)
+        fields.copy(conflicts.joins, OF_JOINS)
+        fields.take(
+            segment_length=roads.segments.length,
+            straight_end=straight_end,
+            straight_yaw=straight_yaw,
+            room=roads.derived(room_of),
+            light=followers.world.signals.plan.light_of_lane,
+        )
+        fields["num_lanes"], fields["num_points"] = len(roads), len(roads.points)
+        fields["num_in_map"], fields["has_long_legs"] = len(roads.alone), roads.has_long_legs
+        fields["is_any"], fields["has_passes"] = neighbours.is_any, bool(conflicts.rival_passes.any())
+        if roads.scale_of_lane is not None:
+            fields["scale_ticks"] = scale_ticks(roads)
+        if followers.choice.bounds is not None:
+            fields.take(bounds=followers.choice.bounds)
+            fields["num_bounds"] = len(followers.choice.bounds)
+
+    def _take_drivers(self) -> None:
+        followers, fields = self._followers, self._fields
+        world, parameters, choice, wander = followers.world, followers.parameters, followers.choice, followers.wander
+        fields.copy(world, COLUMNS)
+        is_ego = np.zeros(followers.num, dtype=bool)
+        is_ego[followers.egos.index] = True
+        for name in ("speed_factor", "headway", "comfort", "reaction", "politeness", "change_time", "most_lateral"):
+            fields.take(**{name: getattr(parameters, name)})
+        for name in ("nose", "rear", "wheelbase", "response", "rows", "uid", "let_in_later"):
+            fields.take(**{name: getattr(followers, name)})
+        fields.take(
+            body_length=followers.length,
+            desired=parameters.desired_speed,
+            own_accel=parameters.accel,
+            own_lateral=parameters.lateral,
+            may_change=followers.changes.may,
+            is_ego=is_ego,
+            is_loop=choice.is_loop,
+            route=choice.route,
+            route_length=choice.length,
+            route_first=choice.first,
+            salt=choice.salt,
+            wandering=wander.which,
+            half_room=wander.half_width,
+        )
+        fields["n"], fields["has_route"], fields["num_wandering"] = (
+            followers.num,
+            len(choice.route) > 0,
+            len(wander.which),
+        )
+        fields["stride"] = world.int_block("behind", "ahead_5").strides[0] // 8
+
+    # -- decisions
+
+    def decide(self) -> None:
+        """See `LaneFollowers.decide`."""
+        do, at, fields, followers = self._do, self._at, self._fields, self._followers
+        egos, world = followers.egos, followers.world
+        if len(egos.rows):
+            egos.project()
+            followers.advance_lanes(egos.index)
+        fields.arrays["frame"][:] = world.frames(followers.rows)
+        np.floor_divide(fields.arrays["frame"], DECISION, out=fields.arrays["decision"])
+        fields.take(may_enter=world.signals.may_enter)
+        is_changing = followers.changes.is_possible and bool(do.is_anybody_changing(at))
+        drivers = followers.drivers()
+        fields.take(lateral_now=drivers.lateral)
+        others, _, num_moving = followers.others(drivers)
+        self._take_entries(others, drivers.leaving)
+        fields["num_moving"] = num_moving
+        do.begin_decision(at)
+        fields.arrays["q_key"][: fields["num_entries"]].sort()
+        do.perceive(at)
+        if num_moving:
+            moving = others.first(num_moving)
+            stop_for_intruders(followers.conflicts, followers.drivers(), self._perception(), moving)
+        do.accelerate(at)
+        if len(followers.conflicts.joins.shared):
+            wanted, moving = fields.arrays["wanted"], others.first(num_moving)
+            wanted[:] = follow_in_joins(followers.conflicts, followers.drivers(), moving, wanted)
+        if followers.changes.is_possible:
+            self._change_lanes(drivers, is_changing=is_changing)
+        if len(egos.rows):
+            wanted, lanes = fields.arrays["wanted"][egos.index], world.int_block("lane", "ahead_5")
+            egos.command(lanes.take(egos.rows, axis=1), wanted)
+        do.follow_wishes(at)
+        self._steer()
+
+    def _take_entries(self, others: Entries, leaving: Entries | None) -> None:
+        fields = self._fields
+        num = len(others.lane)
+        fields["num_leaving"] = 0 if leaving is None else len(leaving.lane)
+        if leaving is not None:
+            for name in ("lane", "s", "tail", "speed", "accel", "source"):
+                fields.take(**{f"left_{name}": getattr(leaving, name)})
+        if others is self._others:
+            return
+        self._others, fields["num_others"] = others, num
+        for name in ("lane", "s", "tail", "speed", "accel", "stands"):
+            fields.take(**{f"other_{name}": np.ascontiguousarray(getattr(others, name))})
+        if self._most_own + num >= self._most_entries:
+            self._most_entries = self._most_own + 2 * num + 1
+            fields.make(FOR_QUEUE, self._most_entries)
+
+    def _queue(self) -> EntryQueue:
+        arrays, num = self._fields.arrays, self._fields["num_entries"]
+        columns = {name: arrays[f"q_{name}"][: num + 1] for name in ("lane", "s", "tail", "speed", "accel", "source")}
+        return EntryQueue.of_columns(num, position=arrays["q_position"][:num], first=arrays["q_first"], **columns)
+
+    def _perception(self) -> Perception:
+        names = ("gap", "lead_speed", "lead_accel", "lead", "stop_distance", "safe_speed", "is_shut_out", "is_blocked")
+        arrays: dict[str, Any] = {name: self._fields.arrays[name] for name in names}
+        return Perception(**arrays)
+
+    def _change_lanes(self, drivers: Drivers, *, is_changing: bool) -> None:
+        """See `LaneChanges.decide`."""
+        do, at, arrays, changes = self._do, self._at, self._fields.arrays, self._followers.changes
+        if is_changing:
+            changes.end_changes()
+        if drivers.leaving is not None:
+            changes.mind_old_lane(drivers, self._queue(), arrays["desired_now"], arrays["wanted"])
+        num = do.look_at_lanes_beside(at)
+        if num:
+            arrays["is_clear"][:num] = self._are_clear(num)
+        begun = do.signal_changes(at, num) if self._fields["num_looks"] else 0
+        if begun:
+            which, side, is_tight = (arrays[name][:begun].copy() for name in ("at", "side", "is_tight"))
+            changes.start(self._followers.drivers(), which, side, is_tight)
+        if is_changing or begun:
+            self._followers.shifted = find_shifted(self._followers.world, self._followers.at)
+
+    def _are_clear(self, num: int) -> npt.NDArray[np.bool_]:
+        """Return which of the first looks of `at` are of drivers that could change lanes now; see `Shifts`."""
+        followers, arrays = self._followers, self._fields.arrays
+        which = arrays["looking"][arrays["at"][:num]]
+        rows = followers.rows[which]
+        shifts = Shifts(
+            rows=rows,
+            nose=followers.nose[which],
+            length=followers.length[which],
+            side=arrays["side"][:num],
+            done=np.zeros(num),
+            across=np.full(num, LANE),
+            gap=arrays["gap"][which],
+            lead_speed=arrays["lead_speed"][which],
+            is_tight=arrays["is_tight"][:num],
+            change_time=followers.parameters.change_time[which],
+        )
+        return is_clear(followers.world, shifts, followers.world.speed[rows])
+
+    def _steer(self) -> None:
+        """See `LaneFollowers.steer`."""
+        do, at, arrays, followers = self._do, self._at, self._fields.arrays, self._followers
+        num = do.look_at_headings(at)
+        if num:
+            np.arctan2(arrays["north"][:num], arrays["east"][:num], arrays["angle"][:num])
+            self._head_to_end(do.take_headings(at, num))
+        heading, distance, wander = arrays["heading"], arrays["distance"], followers.wander
+        shifting = followers.plan_swings(distance)
+        if len(wander.which):
+            np.sin(heading, arrays["sine"])
+            np.cos(heading, arrays["cosine"])
+            arrays["shift_of"][followers.shifted] = 1
+            self._fields.take(aim=wander.aims())
+            do.plan_wander(at)
+            arrays["shift_of"][followers.shifted] = 0
+        followers.plan_shifts(shifting, distance, heading)
+        self._take_shifted()
+        num = do.steer(at)
+        if num:
+            followers.choice.change(arrays["at"][:num].copy())
+
+    def _head_to_end(self, num: int) -> None:
+        """Take the headings of the first drivers of `at` from the lanes, which end there."""
+        if not num:
+            return
+        followers, arrays = self._followers, self._fields.arrays
+        world, which = followers.world, arrays["at"][:num]
+        rows = followers.rows[which]
+        arc = world.arc[rows] + followers.on_chords(arrays["distance"])[which]
+        lanes = world.int_block("lane", "ahead_5").take(rows, axis=1)
+        arrays["heading"][which] = headings(followers.roads, lanes, arc, followers.wheelbase[which])
+
+    def _take_shifted(self) -> None:
+        self._fields.take(shifted=self._followers.shifted)
+        self._fields["num_shifted"] = len(self._followers.shifted)
+
+    # -- motion
+
+    def move(self, dt: float) -> None:
+        """See `LaneFollowers.move`."""
+        do, at, arrays, egos = self._do, self._at, self._fields.arrays, self._followers.egos
+        saved = egos.save_poses() if len(egos.rows) else None
+        num = self._fields["num_shifted"]
+        if num:
+            angle, sine, cosine = (arrays[name][:num] for name in ("angle", "sine", "cosine"))
+            do.find_slants(at, dt)
+            np.cos(angle, cosine)
+            do.move(at, dt)
+            np.sin(angle, sine)
+            np.cos(angle, cosine)
+            do.nudge(at)
+        else:
+            do.move(at, dt)
+        if saved is not None:
+            egos.restore_poses(saved)

@@ -1,0 +1,223 @@
+/* Right of way: loops for right_of_way.py. */
+
+/* Where the tail of driver i is on the lane that it holds; -inf if only the nose is there. */
+static D tail_on_held(const K *k, I i, I r) {
+  I held = k->held[r];
+  int is_behind = k->lane[r] != held;
+  if (is_behind && find_entered(k, i, r, held) > 0) return -INFINITY;
+  return k->arc[r] - k->rear[i] + (is_behind ? k->length[held] : 0.0);
+}
+
+static void update_holds(K *k) {
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i], claim = k->claim[r];
+    if (claim >= 0 && claim == k->lane[r] && k->arc[r] + k->nose[i] >= k->wait_point[claim])
+      k->held[r] = claim, k->claim[r] = -1;
+    if (k->held[r] >= 0 && tail_on_held(k, i, r) > k->clear_point[k->held[r]]) k->held[r] = -1;
+  }
+}
+
+/* Whether driver i is near enough to ask, and does not follow one that waits itself. */
+static int is_near(const K *k, I i) {
+  I lead = k->lead[i];
+  D speed = k->speed[k->rows[i]], distance = k->asked_distance[i];
+  D braking = speed * (speed / (2.0 * BRAKE_FROM) + k->headway[i]) + STOP_GAP + GAP;
+  if (!(distance < braking)) return 0;
+  return !(k->gap[i] <= distance) || (lead >= 0 && (k->claim[k->rows[lead]] >= 0 || k->asked_again[lead]));
+}
+
+/* Whether driver i has no claim for a lane before; one for a short lane that its nose is on becomes a hold. */
+static int may_claim(K *k, I i) {
+  I r = k->rows[i], claim = k->claim[r], is_ahead = 0;
+  for (I j = 0; claim >= 0 && j < NUM_LANES; j++) is_ahead |= LANE(r, j) == claim;
+  if (!is_ahead) return 1;
+  if (!(k->length[claim] < k->nose[i] + STOP_GAP + CREEP && find_entered(k, i, r, claim) > 0)) return 0;
+  k->held[r] = claim, k->claim[r] = -1;
+  return 1;
+}
+
+/* right_of_way.find_rivals: the lanes on which long vehicles are or want to be, and whether a pair of lanes counts. */
+static void find_long(K *k, I num) {
+  for (I lane = 0; lane < k->num_lanes; lane++) k->has_long[lane] = 0;
+  if (!k->has_passes) return;
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i];
+    if (!(k->body_length[i] > HEAVY_LENGTH)) continue;
+    if (k->claim[r] >= 0) k->has_long[k->claim[r]] = 1;
+    if (k->held[r] >= 0) k->has_long[k->held[r]] = 1;
+    k->has_long[k->lane[r]] = 1;
+  }
+  for (I j = 0; j < num; j++)
+    if (k->body_length[k->asking[j]] > HEAVY_LENGTH) k->has_long[k->asked[k->asking[j]]] = 1;
+  for (I j = 0; j < k->num_moving; j++)
+    if (2.0 * (k->other_s[j] - k->other_tail[j]) > HEAVY_LENGTH) k->has_long[k->other_lane[j]] = 1;
+}
+
+static inline int counts(const K *k, I i, I x) {
+  return !k->rival_passes[x] || k->body_length[i] > HEAVY_LENGTH || k->has_long[k->rival_other[x]];
+}
+
+static int has_rival(const K *k, I i) {
+  for (I x = k->rival_first[k->asked[i]]; x < k->rival_first[k->asked[i] + 1]; x++)
+    if (counts(k, i, x)) return 1;
+  return 0;
+}
+
+/* What stands on lanes, and the room behind them; keeps those who find room and nothing in their way. */
+static I keep_those_with_room(K *k, I num) {
+  I kept = 0;
+  for (I lane = 0; lane < k->num_lanes; lane++) k->reserved[lane] = 0.0, k->stands[lane] = 0;
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i];
+    if ((k->claim[r] >= 0 || k->held[r] >= 0) && k->exit_lane[r] >= 0)
+      k->reserved[k->exit_lane[r]] += k->body_length[i] + GAP;
+  }
+  for (I j = 0; j < k->num_others; j++)
+    if (k->other_stands[j]) k->stands[k->other_lane[j]] = 1;
+  for (I j = 0; j < num; j++) {
+    I i = k->asking[j], exit_lane = k->asked_exit[i];
+    int has_room = 1, is_free = !k->stands[k->asked[i]];
+    if (exit_lane >= 0 && isinf(k->wait_point[exit_lane])) {
+      I first = k->q_first[exit_lane];
+      D room = k->q_tail[first] + ROOM_TIME * k->q_speed[first];
+      has_room = room - k->reserved[exit_lane] >= k->body_length[i] + GAP;
+    }
+    if (k->has_passes && !has_rival(k, i)) has_room = 1;
+    k->is_shut_out[i] |= !has_room, k->is_blocked[i] |= !is_free;
+    if (has_room && is_free) k->asking[kept++] = i;
+  }
+  return kept;
+}
+
+/* _find_holds: the tail of driver i on a lane that it holds or that is under its body; inf for none. */
+static D tail_on(const K *k, I i, I lane) {
+  I r = k->rows[i], held = k->held[r];
+  if (held < 0) return INFINITY;
+  D tail = tail_on_held(k, i, r);
+  D found = lane == held ? tail : INFINITY;
+  for (I j = 0; isinf(tail) && j < NUM_LANES - 1 && LANE(r, j) != held; j++)
+    if (LANE(r, j) == lane) found = least(found, j ? -INFINITY : k->arc[r] - k->rear[i]);
+  return found;
+}
+
+static void take(K *k, I lane, D tail) { k->taken[lane] = least(k->taken[lane], tail); }
+
+/* _taken, and on which lanes drivers stand. */
+static void take_lanes(K *k) {
+  for (I lane = 0; lane < k->num_lanes; lane++) {
+    k->taken[lane] = k->nearest[lane] = INFINITY;
+    k->best[lane] = k->best_now[lane] = -1;
+  }
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i], held = k->held[r];
+    if (held < 0) continue;
+    if (k->speed[r] < CREEP) k->stands[held] = 1;
+    take(k, held, tail_on_held(k, i, r));
+    if (!isinf(tail_on_held(k, i, r))) continue;
+    for (I j = 0; j < NUM_LANES - 1 && LANE(r, j) != held; j++)
+      take(k, LANE(r, j), j ? -INFINITY : k->arc[r] - k->rear[i]);
+  }
+  for (I j = 0; j < k->num_moving; j++) take(k, k->other_lane[j], k->other_tail[j]);
+  for (I i = 0; i < k->n; i++)
+    if (k->claim[k->rows[i]] >= 0) k->taken[k->claim[k->rows[i]]] = -INFINITY;
+}
+
+/* _are_taken: whether others than driver i have the rival of pair x. */
+static int is_taken(const K *k, I i, I x, int is_own) {
+  I rival = k->rival_other[x];
+  D tail = k->taken[rival];
+  if (is_own && tail < k->rival_figure[x]) {
+    tail = INFINITY;
+    for (I other = 0; other < k->n; other++) {
+      if (other != i) tail = least(tail, tail_on(k, other, rival));
+      if (k->claim[k->rows[other]] == rival) tail = -INFINITY;
+    }
+    for (I j = 0; j < k->num_moving; j++)
+      if (k->other_lane[j] == rival) tail = least(tail, k->other_tail[j]);
+  }
+  return tail < k->rival_figure[x];
+}
+
+/* The order of those who ask: place, right before left, not to the left, distance, lane, index. */
+static int comes_before(const K *k, I a, I b) {
+  I i = k->asking[a], j = k->asking[b];
+  if (k->asking_place[a] != k->asking_place[b]) return k->asking_place[a] < k->asking_place[b];
+  if (k->is_second[a] != k->is_second[b]) return k->is_second[a] < k->is_second[b];
+  int left = k->turn[k->asked[i]] > LEFT_TURN, other_left = k->turn[k->asked[j]] > LEFT_TURN;
+  if (left != other_left) return left < other_left;
+  if (k->asked_distance[i] != k->asked_distance[j]) return k->asked_distance[i] < k->asked_distance[j];
+  if (k->asked[i] != k->asked[j]) return k->asked[i] < k->asked[j];
+  return a < b;
+}
+
+/* The first who asks for each lane, and the first of those who could go now. */
+static void rank(K *k, I num) {
+  for (I j = 0; j < num; j++) {
+    I i = k->asking[j], lane = k->asked[i];
+    int is_let_in = (k->decision[i] + k->let_in_later[i]) % LET_IN_EVERY < LET_IN_FOR &&
+                    k->speed[k->rows[i]] < CREEP && k->asked_distance[i] < 2.0 * STOP_GAP;
+    k->asking_place[j] = rint(k->asked_distance[i] / SAME_DISTANCE) + (k->gives_way[lane] && !is_let_in ? FAR : 0.0);
+    k->nearest[lane] = least(k->nearest[lane], k->asking_place[j]);
+  }
+  for (I j = 0; j < num; j++) {
+    I i = k->asking[j], lane = k->asked[i];
+    k->is_second[j] = 0, k->can_go[j] = 1;
+    for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++) {
+      I rival = k->rival_other[x];
+      if (!counts(k, i, x)) continue;
+      if (k->nearest[rival] == k->asking_place[j] && k->rival_right[x]) k->is_second[j] = 1;
+      if (is_taken(k, i, x, tail_on(k, i, rival) < INFINITY)) k->can_go[j] = 0;
+    }
+  }
+  for (I j = 0; j < num; j++) {
+    I lane = k->asked[k->asking[j]];
+    if (k->best[lane] < 0 || comes_before(k, j, k->best[lane])) k->best[lane] = j;
+    if (k->can_go[j] && (k->best_now[lane] < 0 || comes_before(k, j, k->best_now[lane]))) k->best_now[lane] = j;
+  }
+}
+
+static void give(K *k, I num) {
+  for (I j = 0; j < num; j++) {
+    I i = k->asking[j], r = k->rows[i], lane = k->asked[i], is_refused = !k->can_go[j];
+    for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++) {
+      I rival = k->rival_other[x], first = k->held[r] >= 0 ? k->best_now[rival] : k->best[rival];
+      if (!counts(k, i, x)) continue;
+      is_refused |= first >= 0 && comes_before(k, first, j);
+      int is_own = tail_on(k, i, rival) < INFINITY;
+      k->is_blocked[i] |= k->stands[rival] && (!is_own || is_taken(k, i, x, is_own));
+    }
+    k->can_go[j] = !is_refused;
+  }
+  for (I j = 0; j < num; j++) {
+    I i = k->asking[j], r = k->rows[i];
+    if (k->can_go[j]) k->claim[r] = k->asked[i], k->exit_lane[r] = k->asked_exit[i];
+  }
+}
+
+EXPORT void begin_decision(K *k) {
+  update_holds(k);
+  enter_all(k);
+}
+
+/* Comes after the keys were sorted. */
+EXPORT void perceive(K *k) {
+  I near = 0, num = 0;
+  line_up(k);
+  for (I i = 0; i < k->n; i++) look_along(k, i);
+  for (I i = 0; i < k->n; i++)
+    if (k->asked[i] >= 0 && is_near(k, i)) k->asking[near++] = i;
+  for (I j = 0; j < near; j++)
+    if (may_claim(k, k->asking[j])) k->asking[num++] = k->asking[j];
+  if (num) {
+    find_long(k, num);
+    num = keep_those_with_room(k, num);
+  }
+  if (num) {
+    take_lanes(k);
+    rank(k, num);
+    give(k, num);
+  }
+  for (I i = 0; i < k->n; i++)
+    if (k->asked[i] >= 0 && k->claim[k->rows[i]] != k->asked[i])
+      k->stop_distance[i] = least(k->stop_distance[i], k->asked_distance[i]);
+}

@@ -1,0 +1,119 @@
+"""The compiler of the loops, their cache, and what a process says about them."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim.shell.kernels.backend import VARIABLE, find_compiler
+from rosbridge_sim.shell.kernels.compiler import (
+    NoKernelsError,
+    cache_folder,
+    compile_library,
+    library_path,
+    load_library,
+    read_source,
+)
+from tests.world.kernels.compiled_loops import compiler, library, needs_compiler
+
+
+def test_compiler_is_that_of_the_variable() -> None:
+    assert find_compiler({VARIABLE: "ccache cc"}) == ("ccache", "cc")
+    assert find_compiler({VARIABLE: "none"}) == ()
+    assert find_compiler({VARIABLE: "cc 'without an end"}) == ("cc 'without an end",)
+
+
+def test_another_source_or_compiler_is_another_library(tmp_path: Path) -> None:
+    path = library_path("a", ["cc"], tmp_path)
+    assert path == library_path("a", ["cc"], tmp_path)
+    assert len({path, library_path("b", ["cc"], tmp_path), library_path("a", ["clang"], tmp_path)}) == 3
+
+
+def test_cache_is_in_the_users_folder(tmp_path: Path) -> None:
+    if sys.platform == "linux":
+        assert cache_folder({"XDG_CACHE_HOME": str(tmp_path)}) == tmp_path / "rosbridge_sim"
+    assert cache_folder({}).name == "rosbridge_sim"
+
+
+def test_source_has_constants_and_rules_of_the_package() -> None:
+    source = read_source()
+    assert "#define HARDEST 8.0\n" in source
+    assert "static inline void mean_follow(D *o, D a0, D a1, D a2, D a3)" in source
+
+
+@pytest.mark.parametrize("command", ["no-such-compiler", "false"])
+def test_compiler_that_fails_is_told_and_leaves_nothing(command: str, tmp_path: Path) -> None:
+    with pytest.raises(NoKernelsError, match=command):
+        compile_library("int x;", [command], tmp_path / "kernels.so")
+    assert not list(tmp_path.iterdir())
+
+
+@needs_compiler
+def test_mistake_in_the_source_is_told_in_the_compilers_words(tmp_path: Path) -> None:
+    with pytest.raises(NoKernelsError, match="no_such_type"):
+        compile_library("no_such_type x;", compiler(), tmp_path / "kernels.so")
+
+
+def test_what_is_no_library_is_not_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "kernels.so"
+    path.write_bytes(b"no library")
+    path.chmod(0o600)
+    with pytest.raises(NoKernelsError, match="compiled again"):
+        load_library(path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="rights of files are those of POSIX")
+def test_library_that_others_may_write_is_not_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "kernels.so"
+    path.write_bytes(b"")
+    path.chmod(0o666)
+    with pytest.raises(NoKernelsError, match="nobody else may write"):
+        load_library(path)
+
+
+PROGRAM = """
+import logging, sys
+logging.basicConfig(level="INFO")
+from rosbridge_sim.shell.kernels.backend import backend, start_kernels
+thread = start_kernels()
+print(thread is not None, backend(), "rosbridge_sim.world.kernels.lane_kernel" in sys.modules, "ctypes" in sys.modules)
+if thread is not None:
+    thread.join()
+print(backend())
+"""
+
+
+def run(environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM], env=os.environ | environment, capture_output=True, text=True, check=True
+    )
+
+
+def test_process_without_a_compiler_loads_nothing() -> None:
+    assert run({VARIABLE: "none"}).stdout.split()[:3] == ["False", "numpy", "False"]
+
+
+def test_broken_compiler_is_one_line_in_the_log_and_arrays_go_on(tmp_path: Path) -> None:
+    done = run({VARIABLE: "false", "XDG_CACHE_HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path)})
+    assert done.stdout.split()[-1] == "numpy"
+    assert done.stderr.count("\n") == 1
+    assert "driven by numpy, which is slower: false failed with status 1" in done.stderr
+
+
+@needs_compiler
+def test_process_takes_a_library_from_the_cache_at_once() -> None:
+    library()  # makes it
+    done = run({VARIABLE: " ".join(compiler())})
+    assert done.stdout.split() == ["False", "compiled", "True", "True", "compiled"]
+
+
+@needs_compiler
+def test_process_takes_loops_over_when_they_are_compiled(tmp_path: Path) -> None:
+    words = run({VARIABLE: " ".join(compiler()), "XDG_CACHE_HOME": str(tmp_path)}).stdout.split()
+    if sys.platform == "linux":
+        assert words == ["True", "numpy", "True", "True", "compiled"]
+        assert len(list((tmp_path / "rosbridge_sim").iterdir())) == 1

@@ -1,0 +1,55 @@
+"""The compiled loops, for tests: made once for each source, as for a server, and kept in the user's cache."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, partial
+
+import pytest
+
+from rosbridge_sim.shell.kernels.backend import find_compiler
+from rosbridge_sim.shell.kernels.compiler import (
+    cache_folder,
+    compile_library,
+    library_path,
+    load_library,
+    read_source,
+)
+from rosbridge_sim.world.followers.lane_following import LaneFollowers, take_kernels
+from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
+
+
+def compiler() -> tuple[str, ...]:
+    """The compiler of the settings, else any on this machine."""
+    found = find_compiler(os.environ)
+    return found or ((shutil.which("cc") or "",) if shutil.which("cc") else ())
+
+
+needs_compiler = pytest.mark.skipif(not compiler(), reason="needs a C compiler: `cc`, or the extra [fast]")
+
+
+@cache
+def library() -> CompiledLoops:
+    source = read_source()
+    path = library_path(source, compiler(), cache_folder(os.environ))
+    if not path.exists():
+        compile_library(source, compiler(), path)
+    return load_library(path)
+
+
+@cache
+def make_kernel() -> Callable[[LaneFollowers], LaneKernel]:
+    return partial(LaneKernel, library())
+
+
+@contextmanager
+def with_loops(*, are_there: bool = True) -> Iterator[None]:
+    """All worlds are driven by loops; else by arrays."""
+    take_kernels(make_kernel() if are_there else None)
+    try:
+        yield
+    finally:
+        take_kernels(None)
