@@ -191,13 +191,15 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     rank[order] = np.arange(len(at))
     best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
     np.minimum.at(best, lane, rank)
-    is_own, is_taken = _are_taken(conflicts, drivers, at[index], link, moving)
-    # Those who are within a crossing let nobody go first who could not go now: they may wait for each other.
-    can_go = np.bincount(index[is_taken], minlength=len(at)) == 0
-    best_now = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
-    np.minimum.at(best_now, lane[can_go], rank[can_go])
-    first_rank = np.where(drivers.held[at[index]] >= 0, best_now[rival], best[rival])
-    is_refused = is_taken | (first_rank < rank[index])
+    holds = _find_holds(conflicts, drivers)
+    is_own, is_taken = _are_taken(conflicts, drivers, holds, at[index], link, moving=moving)
+    is_later = best[rival] < rank[index]
+    for pair in (is_later & ~is_taken & (drivers.held[at[index]] >= 0)).nonzero()[0].tolist():
+        # Those who would go first, but wait for this driver to leave the crossing, do not count.
+        body = holds[1][holds[0] == at[index[pair]]]
+        waits = np.bincount(index[is_taken & is_among(rival, body)], minlength=len(at)) > 0
+        is_later[pair] = ((lane == rival[pair]) & (rank < rank[index[pair]]) & ~waits).any()
+    is_refused = is_taken | is_later
     stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
     perception.is_blocked[at[index[stands[rival] & (is_taken | ~is_own)]]] = True
     given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
@@ -277,17 +279,23 @@ def _has_room(
 
 
 def _are_taken(
-    conflicts: LaneConflicts, drivers: Drivers, who: IntArray, link: IntArray, moving: Entries
+    conflicts: LaneConflicts,
+    drivers: Drivers,
+    holds: tuple[IntArray, IntArray, FloatArray],
+    who: IntArray,
+    link: IntArray,
+    *,
+    moving: Entries,
 ) -> tuple[BoolArray, BoolArray]:
     """Return for pairs of lanes with rivals whether the driver itself is on the rival, and whether others have it.
 
     Args:
+        holds: see `_find_holds`.
         who: (m,) int64, the drivers that ask.
         link: (m,) int64, the pairs; see `Links.of`.
         moving: entries of the vehicles that do not follow lanes and move.
     """
     rival, figure, num = conflicts.rivals.other[link], conflicts.rivals.figure[link], len(conflicts.wait_point)
-    holds = _find_holds(conflicts, drivers)
     is_taken = _taken(conflicts, drivers, holds, moving)[rival] < figure
     # Where lanes are short the driver itself may be on the rival.
     is_own = is_among(who * num + rival, holds[0] * num + holds[1])

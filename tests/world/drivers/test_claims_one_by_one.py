@@ -126,20 +126,14 @@ class OneByOne:
             if self.drivers.held[i] >= 0 and self.drivers.speed[i] < 0.1
         }
         self.taken = self._taken(set(range(self.num)))
-        best: dict[int, int] = {}
-        best_now: dict[int, int] = {}
-        for rank, i in enumerate(order):
-            best.setdefault(int(self.requests.lane[i]), rank)
-            if not any(self._last(i, pair) < case.conflicts.rivals.figure[pair] for pair in self._pairs(i)):
-                best_now.setdefault(int(self.requests.lane[i]), rank)
         self.given = []
         for rank, i in enumerate(order):
             is_free = True
-            first = best if self.drivers.held[i] < 0 else best_now  # those within let nobody go who could not go now
             for pair in self._pairs(i):
                 rival = int(case.conflicts.rivals.other[pair])
                 is_taken = self._last(i, pair) < case.conflicts.rivals.figure[pair]
-                if is_taken or first.get(rival, self.num) < rank:
+                first = [j for j in order[:rank] if self.requests.lane[j] == rival]
+                if is_taken or any(not self._waits_for(j, i) for j in first):
                     is_free = False
                 if rival in stands and (is_taken or rival not in holds_of(case, i)):
                     self.blocked.add(i)
@@ -148,6 +142,12 @@ class OneByOne:
 
     def _pairs(self, i: int) -> list[int]:
         return rivals_of(self.case.conflicts, int(self.requests.lane[i]))
+
+    def _waits_for(self, i: int, other: int) -> bool:
+        """Whether one driver could not go because of a lane under the body of another one, who is within a crossing."""
+        under, rivals = holds_of(self.case, other), self.case.conflicts.rivals
+        taken = [pair for pair in self._pairs(i) if self._last(i, pair) < rivals.figure[pair]]
+        return any(int(rivals.other[pair]) in under for pair in taken)
 
     def _last(self, i: int, pair: int) -> float:
         """Where the last tail is on a rival of the lane that a driver asks for; it does not wait for itself."""
