@@ -19,10 +19,9 @@ from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
 from rosbridge_sim.scenery.pictures import EXTINCTION, USUAL, Channel, Picture, PictureChoices, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
-from rosbridge_sim.shell.rendering import shaders
 from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer, planes_of
 from rosbridge_sim.shell.rendering.lens import Lens
-from rosbridge_sim.shell.rendering.shaders import Coat
+from rosbridge_sim.shell.rendering.shaders import MAX_BEAMS, Coat, scene_fragment, source_of
 from rosbridge_sim.shell.rendering.targets import Targets
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError, missing_library
 from rosbridge_sim.shell.rendering.weather_looks import LOOKS, WeatherLook
@@ -55,9 +54,9 @@ class CameraRenderer:
         """
         context = self._context = open_context()
         self._scenes: dict[tuple[Coat, bool, bool], moderngl.Program] = {}
-        self._classes = context.program(vertex_shader=shaders.CLASS_VERTEX, fragment_shader=shaders.CLASS_FRAGMENT)
-        self._shadow = context.program(vertex_shader=shaders.SHADOW_VERTEX, fragment_shader=shaders.SHADOW_FRAGMENT)
-        self._sky = context.program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=shaders.SKY_FRAGMENT)
+        self._classes = context.program(vertex_shader=source_of("class.vert"), fragment_shader=source_of("class.frag"))
+        self._shadow = context.program(vertex_shader=source_of("shadow.vert"), fragment_shader=source_of("shadow.frag"))
+        self._sky = context.program(vertex_shader=source_of("sky.vert"), fragment_shader=source_of("sky.frag"))
         corners = context.buffer(np.array([-1, -1, 3, -1, -1, 3], dtype="<f4").tobytes())
         self._sky_array = context.vertex_array(self._sky, [(corners, "2f", "corner")])
         self._static: tuple[Mesh, CellMesh] | None = None
@@ -168,7 +167,7 @@ class CameraRenderer:
         look = LOOKS[weather]
         sun = np.array(look.sun) / np.linalg.norm(look.sun)
         places, ways = _beams(frame, eye + origin) if look.is_dark else (np.zeros((0, 3)), np.zeros((0, 3)))
-        rest = np.zeros((shaders.MAX_BEAMS - len(places), 3))
+        rest = np.zeros((MAX_BEAMS - len(places), 3))
         values: dict[str, object] = {
             "view": tuple(view.T.reshape(-1).tolist()),
             "eye": tuple(eye.tolist()),
@@ -189,8 +188,10 @@ class CameraRenderer:
         for coat in Coat:
             key = coat, look.is_dark, look.is_wet
             if key not in self._scenes:
-                fragment = shaders.scene_fragment(coat, is_dark=look.is_dark, is_wet=look.is_wet)
-                self._scenes[key] = self._context.program(vertex_shader=shaders.SCENE_VERTEX, fragment_shader=fragment)
+                fragment = scene_fragment(coat, is_dark=look.is_dark, is_wet=look.is_wet)
+                self._scenes[key] = self._context.program(
+                    vertex_shader=source_of("scene.vert"), fragment_shader=fragment
+                )
             program = programs[coat] = self._scenes[key]
             for name, value in values.items():
                 if name in program:  # the library leaves out what a program does not use
@@ -294,7 +295,7 @@ def _beams(frame: SceneFrame, eye: FloatArray) -> tuple[FloatArray, FloatArray]:
     is_lit = frame.shapes < Shape.PERSON
     away = np.linalg.norm(frame.poses[:, :3] - eye, axis=1)
     rows = np.flatnonzero(is_lit & (away < BEAM_REACH))
-    rows = rows[np.argsort(away[rows], kind="stable")][: shaders.MAX_BEAMS]
+    rows = rows[np.argsort(away[rows], kind="stable")][:MAX_BEAMS]
     ahead: NDArray[np.float64] = rotation(*frame.poses[rows, 3:].T)[:, 0].T if len(rows) else np.zeros((0, 3))
     nose = frame.centres[rows] + 0.5 * frame.sizes[rows, 0]
     places = frame.poses[rows, :3] + ahead * nose[:, None] + (0.0, 0.0, 0.65)

@@ -7,7 +7,7 @@ client leaves, so its counts are added to a total at that moment.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rosbridge_sim.shell.websocket.connected_client import Client
 
@@ -41,13 +41,7 @@ class ClientTotals:
 
     def plus(self, clients: Iterable[Client]) -> ClientTotals:
         """Return the totals with those of more clients."""
-        total = ClientTotals(
-            self.num_clients,
-            self.num_bytes_sent,
-            self.num_frames_received,
-            self.num_messages_sent,
-            self.num_messages_dropped,
-        )
+        total = replace(self)
         for client in clients:
             total.add(client)
         return total
