@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 import orjson
@@ -208,26 +209,27 @@ def rviz(names: Names, ros: int) -> str:
     """
     package = "rviz" if ros == 1 else "rviz_default_plugins"
     marker_topic = _marker_topic_1 if ros == 1 else _topic_2
-    displays = [
-        _GRID.format(package=package),
-        _MARKERS.format(package=package, name="Map", topic=marker_topic(names["/sim/scene/map"], is_latched=True)),
-        _MARKERS.format(package=package, name="Objects", topic=marker_topic(names["/sim/scene/objects"])),
-        _TF.format(package=package),
-    ]
+    markers = _template("markers", package, name="Map", topic=marker_topic(names["/sim/scene/map"], is_latched=True))
+    markers += _template("markers", package, name="Objects", topic=marker_topic(names["/sim/scene/objects"]))
+    sensors = ""
     if CAMERA_TYPE in names:
         name = names[CAMERA_TYPE]
         if ros == 1:  # its display takes the topic without the transport
             topic = f"      Image Topic: {_yaml(name.removesuffix('/compressed'))}\n      Transport Hint: compressed\n"
         else:
             topic = _topic_2(name)
-        displays.append(_IMAGE.format(package=package, topic=topic))
+        sensors += _template("camera", package, topic=topic)
     if LIDAR_TYPE in names:
         name = names[LIDAR_TYPE]
-        displays.append(_POINTS.format(package=package, topic=_topic_1(name) if ros == 1 else _topic_2(name)))
+        sensors += _template("lidar", package, topic=_topic_1(name) if ros == 1 else _topic_2(name))
     common = "rviz" if ros == 1 else "rviz_common"
-    return _RVIZ.format(
-        package=package, common=common, displays="".join(displays), views=_VIEWS.format(package=package)
-    )
+    return _template("config", package, common=common, markers=markers, sensors=sensors)
+
+
+def _template(part: str, package: str, **words: str) -> str:
+    """Return a part of the configuration from its file in `rviz/`."""
+    text = (Path(__file__).parent / "rviz" / f"{part}.yaml").read_text("utf-8")
+    return text.format(package=package, **words)
 
 
 def _marker_topic_1(name: str, *, is_latched: bool = False) -> str:
@@ -255,101 +257,6 @@ def _yaml(text: str) -> str:
     """Return a text as a scalar of YAML; JSON's quotes are YAML's, too."""
     return orjson.dumps(text).decode()
 
-
-_GRID: Final = """\
-    - Class: {package}/Grid
-      Name: Grid
-      Enabled: true
-      Value: true
-      Reference Frame: map
-      Plane: XY
-      Plane Cell Count: 100
-      Cell Size: 10
-      Color: 60; 60; 60
-      Alpha: 0.5
-"""
-
-_MARKERS: Final = """\
-    - Class: {package}/MarkerArray
-      Name: {name}
-      Enabled: true
-      Value: true
-{topic}      Namespaces: {{}}
-"""
-
-_IMAGE: Final = """\
-    - Class: {package}/Image
-      Name: Camera
-      Enabled: true
-      Value: true
-{topic}"""
-
-_POINTS: Final = """\
-    - Class: {package}/PointCloud2
-      Name: Lidar
-      Enabled: true
-      Value: true
-{topic}      Style: Points
-      Size (Pixels): 2
-      Color Transformer: Intensity
-      Channel Name: intensity
-      Autocompute Intensity Bounds: false
-      Min Intensity: 0
-      Max Intensity: 160
-"""
-
-_TF: Final = """\
-    - Class: {package}/TF
-      Name: TF
-      Enabled: true
-      Value: true
-      Show Arrows: false
-      Show Axes: true
-      Show Names: false
-      Marker Scale: 5
-      Frame Timeout: 15
-"""
-
-_VIEWS: Final = """\
-    Current:
-      Class: {package}/ThirdPersonFollower
-      Name: Behind the ego
-      Target Frame: base_link
-      Distance: 40
-      Pitch: 0.6
-      Yaw: 3.14159
-    Saved:
-      - Class: {package}/TopDownOrtho
-        Name: From above
-        Target Frame: base_link
-        Scale: 10
-        Angle: 0
-"""
-
-_RVIZ: Final = """\
-Panels:
-  - Class: {common}/Displays
-    Name: Displays
-  - Class: {common}/Views
-    Name: Views
-  - Class: {common}/Time
-    Name: Time
-Visualization Manager:
-  Class: ""
-  Enabled: true
-  Name: root
-  Value: true
-  Global Options:
-    Background Color: 32; 34; 38
-    Fixed Frame: map
-    Frame Rate: 30
-  Displays:
-{displays}  Tools:
-    - Class: {package}/MoveCamera
-    - Class: {package}/Interact
-    - Class: {package}/Measure
-  Views:
-{views}"""
 
 VIEWERS: Final[Mapping[str, Callable[[Names, int], str]]] = {"lichtblick": lichtblick, "rviz": rviz}
 """Name of a viewer -> function that makes its settings."""
