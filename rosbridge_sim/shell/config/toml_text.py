@@ -35,19 +35,22 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise SettingError(f"{path}: expected numbers of at most {sys.get_int_max_str_digits()} digits") from None
 
 
-def read_text(path: Path) -> str:
-    """Return the text of a settings file.
+def read_text(path: Path, max_bytes: int = MAX_CONFIG_SIZE, what: str = "a settings file") -> str:
+    """Return the text of a settings file, or of another file that people write.
+
+    Args:
+        what: kind of file, for its errors.
 
     Raises:
         SettingError: it cannot be read, is too long, or is not UTF-8.
     """
     try:
         with path.open("rb") as file:
-            content = file.read(MAX_CONFIG_SIZE + 1)
+            content = file.read(max_bytes + 1)
     except OSError as error:
         raise SettingError(f"{path}: cannot be read: {error.strerror}") from None
-    if len(content) > MAX_CONFIG_SIZE:
-        raise SettingError(f"{path}: expected a settings file; it is longer than {show_size(MAX_CONFIG_SIZE)}")
+    if len(content) > max_bytes:
+        raise SettingError(f"{path}: expected {what}; it is longer than {show_size(max_bytes)}")
     try:
         return content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:

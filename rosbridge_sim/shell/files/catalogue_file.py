@@ -24,11 +24,11 @@ from msgspec import Meta, field
 
 from rosbridge_sim.document_reading import check_values
 from rosbridge_sim.documents import Document, DocumentType, Place, about, show_json
-from rosbridge_sim.errors import DocumentError, file_errors
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
-from rosbridge_sim.shell.config.value_types import show_size
+from rosbridge_sim.shell.config.toml_text import read_text
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
@@ -104,7 +104,8 @@ def read_catalogue(path: Path) -> Catalogue:
     suffix = path.suffix.lower()
     if suffix not in {".toml", ".csv"}:
         raise DocumentError(f"{path}: expected a catalogue in a file named *.toml or *.csv")
-    text = _read_text(path)
+    # A spreadsheet program may write either line end, and a byte-order mark at the start.
+    text = read_text(path, MAX_FILE_SIZE, "a catalogue").replace("\r", "\n")
     entries = list(_toml_entries(text, path) if suffix == ".toml" else _csv_entries(text, path))
     if not entries:
         raise DocumentError(f"{path}: expected at least one model, {_EXAMPLES[suffix]}; found none")
@@ -143,22 +144,6 @@ _EXAMPLES: Final = {
     ".toml": 'such as [[model]] with DataID = 30200005, name = "Sonata", length = 4.9, width = 1.86, height = 1.45',
     ".csv": f"below a first line {','.join(COLUMNS[:6])},...",
 }
-
-
-def _read_text(path: Path) -> str:
-    with file_errors(path, "read"), path.open("rb") as file:
-        content = file.read(MAX_FILE_SIZE + 1)
-    if len(content) > MAX_FILE_SIZE:
-        raise DocumentError(f"{path}: expected a catalogue; it is longer than {show_size(MAX_FILE_SIZE)}")
-    try:
-        # A spreadsheet program may write either line end, and a byte-order mark at the start.
-        return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        raise DocumentError(f"{path}:{line}: expected UTF-8 text") from None
-
-
-# The two forms
 
 
 def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
