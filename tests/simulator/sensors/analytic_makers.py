@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Label, Mesh
-from rosbridge_sim.scenery.pictures import NOBODY, Channel, Hits, Picture, Weather
+from rosbridge_sim.scenery.pictures import NOBODY, USUAL, Channel, Hits, Picture, PictureChoices
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sighting, draw
 
@@ -77,16 +77,13 @@ class _Pictures:
         frame: SceneFrame,
         camera: CameraModel,
         pose: Pose,
-        weather: Weather = Weather.NOON,  # noqa: ARG002
-        *,
-        without: int = NOBODY,
-        channels: Channel = Channel.ALL,
-        is_smooth: bool = True,  # noqa: ARG002
+        choices: PictureChoices = USUAL,
     ) -> Picture:
         rays = camera.rays.astype(np.float64)
         directions = rays @ rotation(*pose[3:]).T
         origins = np.broadcast_to(np.array(pose[:3]), directions.shape)
-        hits = _cast(frame, origins, directions, FAR, without)
+        hits = _cast(frame, origins, directions, FAR, choices.without)
+        channels = choices.channels
         shape = (camera.height, camera.width)
         label = hits.labels.reshape(shape)
         rgb = np.repeat(label[:, :, None] * np.uint8(10), 3, axis=2)
