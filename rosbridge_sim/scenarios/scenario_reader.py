@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -232,7 +232,6 @@ def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[Phas
     return tuple(known), lines
 
 
-_BOUNDS: Final = ("MinLatBias", "MaxLatBias")
 _GAUSSIAN: Final = frozenset({"2", "2.0"})
 """Values of latBiasMode, as text, with which the offsets of a spawn point's vehicles differ; 1 means a fixed one."""
 
@@ -290,10 +289,7 @@ class _Reader:
         vehicles = self._items("vehicleList", document.vehicleList, self._vehicle)
         people = self._items("pedestrianList", document.pedestrianList, self._pedestrian)
         obstacles = self._items("objectList", document.objectList, self._obstacle)
-        numbered = enumerate(document.spawnPointList or ())
-        points = tuple(
-            _all(numbered, lambda entry: self._spawn_point(f"spawnPointList[{entry[0]}]", entry[1]), self._tell)
-        )
+        points = self._items("spawnPointList", document.spawnPointList, self._spawn_point)
         name = re.split(r"[\\/]", self._source)[-1].removesuffix(".json")
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
         phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
@@ -308,7 +304,7 @@ class _Reader:
 
         return document_story(document, self._source)
 
-    def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
+    def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], R]) -> tuple[R, ...]:
         numbered = enumerate(items or ())
         return tuple(_all(numbered, lambda entry: read(f"{key}[{entry[0]}]", entry[1]), self._tell))
 
@@ -325,11 +321,11 @@ class _Reader:
         if gear is Gear.DRIVE and (item.currentVelocity or 0.0) < 0.0:
             text = f"expected 0 or more in gear 4 (D), got {item.currentVelocity:g}; it counts without its sign"
             _note(self._notes, f"{where}.currentVelocity: {text}")
-        spawn = self._on_wheels(where, Kind.EGO, item, item.initPosition, uid)
-        return replace(spawn, speed=(item.currentVelocity or 0.0) * KMH_TO_MPS, gear=gear)
+        spawn = self._on_wheels(where, Kind.EGO, item, item.initPosition)
+        return replace(spawn, uid=uid, speed=(item.currentVelocity or 0.0) * KMH_TO_MPS, gear=gear)
 
     def _vehicle(self, where: str, item: NpcVehicle) -> Spawn:
-        spawn = self._on_wheels(where, Kind.VEHICLE, item, item.initPosition, self._uid(where, item))
+        spawn = self._on_wheels(where, Kind.VEHICLE, item, item.initPosition)
         first, second = item.desiredVelocity or item.constantVelocity, item.linkVelocity
         if first is None:
             first = item.desiredVelocity
@@ -366,12 +362,12 @@ class _Reader:
         return bias
 
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
-        spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
+        spawn = self._placed(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
         spawn = self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
         return replace(spawn, start_within=start_distance(item), yields=bool(item.yields))
 
     def _obstacle(self, where: str, item: Obstacle) -> Spawn:
-        spawn = self._on_foot(where, Kind.OBSTACLE, item, item.pos, item.rot)
+        spawn = self._placed(where, Kind.OBSTACLE, item, item.pos, item.rot)
         if item.scale is not None:
             spawn = replace(spawn, model=self._scaled(where, spawn.model, item.scale))
         spawn = self._follow(where, item, spawn, item.moveSpeed)
@@ -384,14 +380,12 @@ class _Reader:
         else:
             models = tuple(model for model in self._catalogue.own if model.kind is Kind.VEHICLE) or USUAL_CARS
         point = read_spawn_point(where, item, models)
-        given = item.MinLatBias, item.MaxLatBias
-        low, high = (self._bias(f"{where}.{key}", value) for key, value in zip(_BOUNDS, given, strict=True))
-        low, high = min(low, high), max(low, high)
+        low, high = sorted(self._bias(f"{where}.{key}", getattr(item, key)) for key in ("MinLatBias", "MaxLatBias"))
         if str(item.latBiasMode).strip() not in _GAUSSIAN:
             low = high = 0.5 * (low + high)
         return replace(point, changes_lanes=_changes_lanes(item.isLaneChange), lateral=(low, high))
 
-    def _on_wheels(self, where: str, kind: Kind, item: PlacedItem, start: InitPosition, uid: int | None) -> Spawn:
+    def _on_wheels(self, where: str, kind: Kind, item: PlacedItem, start: InitPosition) -> Spawn:
         is_absolute = start.initPositionMode.strip().casefold() == "absolute"
         if is_absolute and start.pos is None:
             raise DocumentError(f"{self._source}: {where}.initPosition.pos: missing")
@@ -400,28 +394,16 @@ class _Reader:
                 raise DocumentError(f"{self._source}: {where}.initPosition.initLink: missing")
             mode = f"{where}.initPosition.initPositionMode"
             raise DocumentError(f"{self._source}: {mode}: expected Absolute or Link, got {start.initPositionMode!r}")
-        pos = start.pos or EnuPosition(x=0.0, y=0.0)
-        model = self._model(where, kind, item)
-        return Spawn(
-            *(kind, model, model.name, uid, pos.x, pos.y, pos.z, _yaw(start.rot)),
-            roll=_tilt(start.rot, "roll"),
-            pitch=_tilt(start.rot, "pitch"),
-            kept=_kept(item),
-            link=None if is_absolute else start.initLink,
-            link_ratio=start.initLinkRatio or 0.0,
-            is_placed=start.pos is not None,
-            where=where,
-        )
+        spawn = self._placed(where, kind, item, start.pos or EnuPosition(x=0.0, y=0.0), start.rot)
+        link = None if is_absolute else start.initLink
+        return replace(spawn, link=link, link_ratio=start.initLinkRatio or 0.0, is_placed=start.pos is not None)
 
-    def _on_foot(self, where: str, kind: Kind, item: PlacedItem, pos: EnuPosition, rot: Rotation | None) -> Spawn:
-        model = self._model(where, kind, item)
-        return Spawn(
-            *(kind, model, model.name, self._uid(where, item), pos.x, pos.y, pos.z, _yaw(rot)),
-            roll=_tilt(rot, "roll"),
-            pitch=_tilt(rot, "pitch"),
-            kept=_kept(item),
-            where=where,
-        )
+    def _placed(self, where: str, kind: Kind, item: PlacedItem, pos: EnuPosition, rot: Rotation | None) -> Spawn:
+        uid = None if kind is Kind.EGO else self._uid(where, item)
+        model, rot = self._model(where, kind, item), rot or Rotation()
+        roll, pitch = _turn(rot.roll), _turn(rot.pitch)
+        place = (pos.x, pos.y, pos.z, _turn(rot.yaw))
+        return Spawn(kind, model, model.name, uid, *place, roll=roll, pitch=pitch, kept=_kept(item), where=where)
 
     def _scaled(self, where: str, model: Model, scale: Scale) -> Model:
         """Return the model in another size; in its own size if the document's factors are out of range."""
@@ -561,17 +543,10 @@ def _has_length(path: FloatArray) -> bool:
     return float(arc_lengths(path)[-1]) > 1e-3  # noqa: PLR2004  # a millimetre: no user draws a shorter path
 
 
-def _yaw(rotation: Rotation | None) -> float:
-    """Return the heading within (-pi, pi] [rad]."""
-    if rotation is None:
-        return 0.0
-    turned = math.remainder(rotation.yaw, 360.0)
+def _turn(degrees: float) -> float:
+    """Return an angle within (-pi, pi] [rad]."""
+    turned = math.remainder(degrees, 360.0)
     return math.radians(180.0 if turned == -180.0 else turned)  # noqa: PLR2004  # half a turn
-
-
-def _tilt(rotation: Rotation | None, axis: Literal["roll", "pitch"]) -> float:
-    """Return a roll or pitch within half a turn [rad]."""
-    return 0.0 if rotation is None else math.radians(math.remainder(getattr(rotation, axis), 360.0))
 
 
 def _kept(item: Document) -> dict[str, Any]:

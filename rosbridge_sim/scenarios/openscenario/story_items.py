@@ -47,6 +47,7 @@ _SILENT: Final = frozenset(
 )
 """Elements without effect that are left out without a remark."""
 
+_REFERENCE: Final = {key: AttributeRow("text", (), is_needed=True) for key in ("catalogName", "entryName")}
 _EXPRESSION: Final = re.compile(r"\$\{(.*)\}", re.DOTALL)
 _PARAMETER: Final = re.compile(r"\$([A-Za-z_][\w.-]*)")
 _TRUTHS: Final = {"true": True, "1": True, "false": False, "0": False}
@@ -271,13 +272,10 @@ class StoryItemReader:
     def _refer(self, element: Element, parameters: Mapping[str, str]) -> tuple[Element, dict[str, str]] | None:
         """Return the entry of a catalogue, and the parameters that the reference assigns; None if there is no entry."""
         mistakes, where = self.findings.mistakes, f"{place_of(element)}: CatalogReference"
-        names = []
-        for key in ("catalogName", "entryName"):
-            if key not in element.attributes:
-                _tell(mistakes, f"{where}.{key}: expected this attribute, there is none")
-                return None
-            names.append(self._evaluated(element.attributes[key], parameters, f"{where}.{key}") or "")
-        catalogue, name = names
+        values = self._values(element, _REFERENCE, parameters)
+        if values is None:
+            return None
+        catalogue, name = values["catalogName"], values["entryName"]
         known = self._catalogues.get(catalogue)
         if known is None:
             there = ", ".join(sorted(self._catalogues)[:12]) or "none"
