@@ -146,17 +146,10 @@ def _without(document: dict[str, Any], mistakes: Sequence[Mistake]) -> tuple[dic
 
 
 def _leave_out(scenario: Scenario, gone: set[str]) -> Scenario:
-    def kept(spawns: Sequence[Spawn]) -> tuple[Spawn, ...]:
-        return tuple(spawn for spawn in spawns if spawn.where not in gone)
-
-    return replace(
-        scenario,
-        vehicles=kept(scenario.vehicles),
-        pedestrians=kept(scenario.pedestrians),
-        obstacles=kept(scenario.obstacles),
-        spawn_points=tuple(point for point in scenario.spawn_points if point.where not in gone),
-        phases=tuple(start for i, start in enumerate(scenario.phases) if f"tlList[{i}]" not in gone),
-    )
+    parts = {key: getattr(scenario, key) for key in ("vehicles", "pedestrians", "obstacles", "spawn_points")}
+    kept = {key: tuple(each for each in part if each.where not in gone) for key, part in parts.items()}
+    phases = tuple(start for i, start in enumerate(scenario.phases) if f"tlList[{i}]" not in gone)
+    return replace(scenario, **kept, phases=phases)
 
 
 def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[str]]:
@@ -269,8 +262,5 @@ def _near(middle: ComplexArray, heading: ComplexArray, half: FloatArray) -> tupl
 
 
 def _short(lines: Sequence[str], *, is_all: bool = True) -> list[str]:
-    least = "" if is_all else "at least "
-    return [
-        *lines[:MAX_ODDITIES],
-        *([f"... and {least}{len(lines) - MAX_ODDITIES:,} more of that kind"] if len(lines) > MAX_ODDITIES else []),
-    ]
+    num, least = len(lines) - MAX_ODDITIES, "" if is_all else "at least "
+    return [*lines[:MAX_ODDITIES], *([f"... and {least}{num:,} more of that kind"] if num > 0 else [])]

@@ -33,16 +33,8 @@ def story_scenario(story: Story, name: str, map_name: str | None, catalogue: Cat
     notes = (*story.findings.idle, *story.findings.notes)
     if story.text.is_lenient:
         notes += tuple([f"{line}; left out" for line in story.findings.refused])
-    return Scenario(
-        name,
-        map_name,
-        of[Kind.EGO],
-        of[Kind.VEHICLE],
-        of[Kind.PEDESTRIAN],
-        of[Kind.OBSTACLE],
-        notes=notes,
-        story=story,
-    )
+    spawned = of[Kind.EGO], of[Kind.VEHICLE], of[Kind.PEDESTRIAN], of[Kind.OBSTACLE]
+    return Scenario(name, map_name, *spawned, notes=notes, story=story)
 
 
 def place_entities(scenario: Scenario, story_map: StoryMap) -> Scenario:

@@ -278,13 +278,18 @@ def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) ->
 def _gap_error(stage: Stage, item: StoryItem, running: Running) -> float:
     """Return how far ahead of its place the actor should be [m]."""
     gap = stage.measures.along(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
-    sides = {"leadingReferencedEntity": -1.0, "trailingReferencedEntity": 1.0}
-    ahead = sides.get(item.get("displacement", "any"), math.copysign(1.0, gap))
+    ahead = _side(item, gap)
     reference = stage.cast.find(item["entityRef"])
     wanted = item.get("distance", 0.0) + item.get("timeGap", 0.0) * reference.speed
     if item["freespace"]:
         wanted += stage.measures.half_lengths(running.entity, item["entityRef"], ahead)
     return float(gap - ahead * wanted)
+
+
+def _side(item: StoryItem, measured: float) -> float:
+    """Return 1 if the other entity is to be ahead of the actor, or to the left of it, else -1."""
+    sides = {"trailing": 1.0, "leading": -1.0, "rightTo": 1.0, "leftTo": -1.0}
+    return sides.get(item.get("displacement", "any").removesuffix("ReferencedEntity"), math.copysign(1.0, measured))
 
 
 def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
@@ -317,8 +322,7 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     wanted = item.get("distance", abs(left))
     if item["freespace"]:
         wanted += stage.measures.half_widths(running.entity, item["entityRef"])
-    side = {"leftToReferencedEntity": -1.0, "rightToReferencedEntity": 1.0}
-    error = left - side.get(item.get("displacement", "any"), math.copysign(1.0, left)) * wanted
+    error = left - _side(item, left) * wanted
     fastest, most = _limit(item, "maxSpeed"), _limit(item, "maxAcceleration")
     if most < NO_LIMIT:
         spring = SPRING * min(most, MAX_PULL)
