@@ -65,11 +65,9 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         other_keys: keys that are read in addition to the fields.
-        idle_keys: fields that are read and kept but have no effect yet.
     """
 
     other_keys: ClassVar[frozenset[str]] = frozenset()
-    idle_keys: ClassVar[frozenset[str]] = frozenset()
 
     def changed(self, **fields: Any) -> Self:  # noqa: ANN401 - each field has its own type
         """Return a model with other values of some fields; they are not checked."""
@@ -212,6 +210,9 @@ LenientBool = Annotated[bool, Meta(extra={"read": _read_flag})]
 KeptAsWritten = Any
 """Any JSON value, kept as it is written; a key without effect cannot hold a mistake."""
 
+WithoutEffect = Annotated[Any, Meta(extra={"idle": True})]
+"""The same of a key that nothing reads yet."""
+
 SCALARS: Final = (float, int, bool, str)
 """Types of values without parts."""
 
@@ -236,6 +237,12 @@ def fields_of(kind: type[Document]) -> dict[str, Any]:
     """Return the types of the keys of a model."""
     hints = get_type_hints(kind, include_extras=True)
     return {key: hints[name] for key, name in zip(kind.__struct_encode_fields__, kind.__struct_fields__, strict=True)}
+
+
+@cache
+def idle_keys(kind: type[Document]) -> tuple[str, ...]:
+    """Return the keys of a model that are `WithoutEffect`, in order."""
+    return tuple([key for key, form in fields_of(kind).items() if "idle" in (split_marks(form)[1].extra or {})])
 
 
 # Keys
@@ -298,7 +305,7 @@ def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> I
         for key, one in value.items():
             where = f"{path}.{printable(key, MAX_KEY_SHOWN)}".removeprefix(".")
             field = fields_of(kind).get(key)
-            if key in kind.idle_keys:
+            if key in idle_keys(kind):
                 yield where, keys.idle
                 continue
             yield where, keys.passed_over if field is None and key not in kind.other_keys else keys.read

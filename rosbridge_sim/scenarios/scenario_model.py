@@ -1,7 +1,7 @@
 """The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
 
 Keys that these models name are read. All other keys that MORAI writes (physical state, editor state) are ignored. Of
-the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Five keys are ours.
+the read keys, those `WithoutEffect` have no effect yet: they are kept as they are written. Five keys are ours.
 Three are for users who write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the
 catalogue instead of `DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that
 a vehicle follows. The fourth is `yields`: the item stops for what is ahead on its path. The fifth is `rosbridge_sim`, a
@@ -30,6 +30,7 @@ from rosbridge_sim.documents import (
     Number,
     Ratio,
     Whole,
+    WithoutEffect,
     about,
     keys_beside,
     number_within,
@@ -151,12 +152,6 @@ class NpcVehicle(Follower, frozen=True, kw_only=True):
     or is absent while `currentLinkInfo` or `startPointLinkInfo` holds a link.
     """
 
-    idle_keys: ClassVar[frozenset[str]] = frozenset(
-        {
-            *("latBiasMode", "spawnPointUniqueID", "destinationUniqueID", "destinationMode", "endPointLinkInfo"),
-        }
-    )
-
     initPosition: InitPosition
     velocityType: Annotated[
         Whole | None, about("1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed")
@@ -178,20 +173,18 @@ class NpcVehicle(Follower, frozen=True, kw_only=True):
     isLaneChange: Annotated[
         JsonValue, about("false: on lanes it never changes them; absent or any other value: it may")
     ] = None
-    latBiasMode: KeptAsWritten = None
+    latBiasMode: WithoutEffect = None
     latBias: Annotated[
         JsonValue, about("offset from the line of its lane, left positive, -5..5; other values count as 0 [m]")
     ] = None
-    spawnPointUniqueID: KeptAsWritten = None
-    destinationUniqueID: KeptAsWritten = None
-    destinationMode: KeptAsWritten = None
-    endPointLinkInfo: KeptAsWritten = None
+    spawnPointUniqueID: WithoutEffect = None
+    destinationUniqueID: WithoutEffect = None
+    destinationMode: WithoutEffect = None
+    endPointLinkInfo: WithoutEffect = None
 
 
 class Pedestrian(Follower, frozen=True, kw_only=True):
     """A pedestrian: walks along its path; without a path, movingDistance straight ahead; otherwise straight ahead."""
-
-    idle_keys: ClassVar[frozenset[str]] = frozenset({"active"})
 
     pos: EnuPosition
     rot: Rotation | None = None
@@ -201,7 +194,7 @@ class Pedestrian(Follower, frozen=True, kw_only=True):
     activeDistance: ActiveDistance = None
     yields: Yields = None
     rosbridge_sim: Annotated[ItemBlock | None, about("when it starts (ours)")] = None
-    active: KeptAsWritten = None
+    active: WithoutEffect = None
 
 
 class Obstacle(Follower, frozen=True, kw_only=True):
@@ -229,13 +222,6 @@ Count = Annotated[int, number_within(0, 2**31 - 1)]
 
 class SpawnPointItem(Document, frozen=True, kw_only=True):
     """A point where vehicles appear, drive along the lanes to their destination, and leave there."""
-
-    idle_keys: ClassVar[frozenset[str]] = frozenset(
-        {
-            *("listVehicleLengthType", "isCloseLoop", "isSpawning", "spawnedVehiclesCount"),
-            *("DestinationMode", "NPCSpawnType"),
-        }
-    )
 
     UNIQUEID: Annotated[Whole | None, about("its id, for the destinations of other points")] = None
     modelName: Annotated[ShortText | None, about("name of the model of its vehicles (ours)")] = None
@@ -275,12 +261,12 @@ class SpawnPointItem(Document, frozen=True, kw_only=True):
         JsonValue, about("least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]")
     ] = None
     MaxLatBias: Annotated[JsonValue, about("greatest offset [m]")] = None
-    listVehicleLengthType: KeptAsWritten = None
-    isCloseLoop: KeptAsWritten = None
-    isSpawning: KeptAsWritten = None
-    spawnedVehiclesCount: KeptAsWritten = None
-    DestinationMode: KeptAsWritten = None
-    NPCSpawnType: KeptAsWritten = None
+    listVehicleLengthType: WithoutEffect = None
+    isCloseLoop: WithoutEffect = None
+    isSpawning: WithoutEffect = None
+    spawnedVehiclesCount: WithoutEffect = None
+    DestinationMode: WithoutEffect = None
+    NPCSpawnType: WithoutEffect = None
 
 
 class EnginePosition(Document, frozen=True, kw_only=True):
@@ -323,10 +309,6 @@ class MapInfo(Document, frozen=True, kw_only=True):
 class ScenarioDocument(Document, frozen=True, kw_only=True):
     """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are ignored."""
 
-    idle_keys: ClassVar[frozenset[str]] = frozenset(
-        {"pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
-    )
-
     mapInfo: MapInfo | None = None
     egoVehicle: EgoVehicle | None = None
     vehicleList: Annotated[list[NpcVehicle], Meta(max_length=MAX_VEHICLES)] | None = None
@@ -336,9 +318,9 @@ class ScenarioDocument(Document, frozen=True, kw_only=True):
     tlList: Annotated[list[IntersectionState], Meta(max_length=MAX_PATHS)] | None = None
     spawnPointList: BoundedList[SpawnPointItem] | None = None
     rosbridge_sim: Annotated[ScenarioBlock | None, about("events of lights (ours)")] = None
-    pedspawnPointList: KeptAsWritten = None
-    frictionChangeMaterialList: KeptAsWritten = None
-    shadedAreaList: KeptAsWritten = None
+    pedspawnPointList: WithoutEffect = None
+    frictionChangeMaterialList: WithoutEffect = None
+    shadedAreaList: WithoutEffect = None
 
 
 _DOCUMENT: Final = DocumentType[ScenarioDocument](ScenarioDocument)

@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.documents import Document, fields_of
+from rosbridge_sim.documents import Document, fields_of, idle_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import replace
@@ -551,7 +551,7 @@ def _turn(degrees: float) -> float:
 
 def _kept(item: Document) -> dict[str, Any]:
     """Return the keys of a part of a document that have no effect yet, in the order of its model."""
-    found = {key: getattr(item, key) for key in fields_of(type(item)) if key in type(item).idle_keys}
+    found = {key: getattr(item, key) for key in idle_keys(type(item))}
     return {key: value for key, value in found.items() if value is not None}
 
 
