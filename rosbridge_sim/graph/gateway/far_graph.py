@@ -75,29 +75,23 @@ class FarType(Protocol):
         """
 
 
-class FarServiceType(Protocol):
-    """A service type as nodes there know it."""
-
-    @property
-    def name(self) -> str:
-        """Its name there."""
-
-    @property
-    def hash(self) -> str:
-        """Identifies its definition there; empty if nodes do not compare definitions."""
-
-    @property
-    def request(self) -> FarType:
-        """Type of requests."""
-
-    @property
-    def response(self) -> FarType:
-        """Type of responses."""
-
-
 Type = TypeVar("Type", bound=FarType)
-Service = TypeVar("Service", bound=FarServiceType)
 Given_contra = TypeVar("Given_contra", bound=FarType, contravariant=True)
+
+
+class FarServiceType(Record):
+    """A service type as nodes there know it.
+
+    Attributes:
+        name: its name there.
+        request, response: its two messages.
+        hash: identifies its definition there, such as the md5 sum; empty if nodes do not compare definitions.
+    """
+
+    name: str
+    request: FarType
+    response: FarType
+    hash: str = ""
 
 
 class FarService(Record):
@@ -120,7 +114,7 @@ OnReply = Callable[[bool, bytes], None]
 """`(is_ok, body)`: the response in the bytes of the graph, or the reason as text."""
 
 
-FarCall = Callable[[str, Service, bytes, Call, OnReply], None]
+FarCall = Callable[[str, FarServiceType, bytes, Call, OnReply], None]
 """`(name, service, request, call, on_reply)`: call a service that a node provides, by its name on the bus, with a
 request in the bytes of the graph. `on_reply` is called once, later, unless the call on the bus ends before."""
 

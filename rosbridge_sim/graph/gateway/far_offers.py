@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import logging
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Generic, TypeVar
 
 from rosbridge_sim.errors import GraphError, PeerError, Reason
-from rosbridge_sim.graph.actions import HIDDEN
+from rosbridge_sim.graph.actions import HIDDEN, Action
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarGraph, FarService
 from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some
 from rosbridge_sim.graph.participant import OfferKind, Participant, is_guest
-from rosbridge_sim.graph.policy import Policy
+from rosbridge_sim.graph.policy import Policy, is_allowed
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.topics_services import Service
+
+Offer = TypeVar("Offer")
+"""The type of a service or an action, as nodes know it."""
 
 
-class FarOffers(ABC):
+class FarOffers(ABC, Generic[Offer]):
     """Services or actions of nodes, as a participant of the bus that offers them.
 
     Attributes:
@@ -32,12 +37,40 @@ class FarOffers(ABC):
     most: int
     """Most of them in each direction."""
 
-    def __init__(self, graph: FarGraph, bus: Bus, policy: Policy) -> None:
+    missing: Reason
+    """The reason for one that does not exist."""
+
+    def __init__(
+        self,
+        graph: FarGraph,
+        bus: Bus,
+        find: Callable[[str], Offer],
+        policy: Policy,
+        *,
+        known: Mapping[str, Service | Action],
+        check_use: Callable[[str], None],
+        is_offered: Callable[[str, Participant], bool],
+    ) -> None:
+        """Offer nothing yet.
+
+        Args:
+            graph: the kind of graph.
+            bus: our bus.
+            find: returns the type of a name as nodes there know it; see `Gateway`.
+            policy: rights of all clients.
+            known: those on the bus, by name.
+            check_use: raises GraphError if nodes must not use one of a name.
+            is_offered: returns whether nodes may use one of an owner, for which the policy lets them.
+        """
         self.name, self.address = graph.name, graph.title
         self.foreign: dict[str, FarService] = {}
         self._graph = graph
         self._bus = bus
         self._policy = policy
+        self._find_type = find
+        self._known = known
+        self._check_use = check_use
+        self._is_offered = is_offered
         self._log = OnceLog(graph.logger)
 
     def notify(self, level: str, text: str) -> None:
@@ -70,7 +103,9 @@ class FarOffers(ABC):
                 continue
             try:
                 self._policy.check_offer(name)
-                self._provide(one)
+                found_type = self._find_type(one.type_name)
+                self._check_free(name)
+                self._provide(one, found_type)
             except PeerError as error:
                 failed.setdefault(str(error), []).append(name)
                 continue
@@ -84,26 +119,56 @@ class FarOffers(ABC):
         is_own = name.startswith(self._graph.own_folders)
         return not is_own and HIDDEN not in name and self._graph.is_name(name)
 
+    def offered(self) -> dict[str, Offer]:
+        """Return those of the bus that nodes may use, by name, with their types."""
+        found: dict[str, Offer] = {}
+        for name, one in self._known.items():
+            if not self._may_offer(name, one.owner):
+                continue
+            if len(found) >= self.most:
+                self._log.tell(f"more than {self.most:,} {self.kind}s on the bus: the others do not pass")
+                break
+            try:
+                found[name] = self._find_type(one.type.name)
+            except PeerError as error:
+                self._log.tell(f"{self.kind} {name} does not pass: {error}", logging.INFO)
+        return found
+
+    def _may_offer(self, name: str, owner: Participant) -> bool:
+        is_foreign = owner is not self and self._passes(name)
+        return is_foreign and is_allowed(self._check_use, name) and self._is_offered(name, owner)
+
+    def find(self, name: str) -> Offer:
+        """Return the type of one of the bus.
+
+        Raises:
+            PeerError: there is none, or nodes must not use it.
+        """
+        one = self._known.get(name)
+        if one is None or one.owner is self:
+            raise GraphError(f"{self.kind} {name} does not exist here", reason=self.missing)
+        self._check_use(name)
+        if not self._may_offer(name, one.owner):
+            raise GraphError(f"{self.kind} {name} is not offered to nodes", reason=Reason.NOT_ALLOWED)
+        return self._find_type(one.type.name)
+
     @abstractmethod
-    def _provide(self, one: FarService) -> None:
+    def _provide(self, one: FarService, found: Offer) -> None:
         """Offer one on the bus.
 
         Raises:
-            PeerError: its type is not known here, or the bus has one of this name.
+            PeerError: it has another definition there.
         """
 
     @abstractmethod
     def _withdraw(self, name: str) -> None:
         """End the offer of one on the bus."""
 
-    def _check_free(self, owner: Participant | None) -> None:
-        """Check who offers one of the same name.
-
-        Raises:
-            GraphError: another participant does.
-        """
-        if owner is not None and owner is not self:
-            who = "a client of this server" if is_guest(owner) else owner.name
+    def _check_free(self, name: str) -> None:
+        """Raise GraphError if another participant offers one of the same name."""
+        known = self._known.get(name)
+        if known is not None and known.owner is not self:
+            who = "a client of this server" if is_guest(known.owner) else known.owner.name
             article = "an" if self.kind == "action" else "a"
             raise GraphError(f"{who} provides {article} {self.kind} of this name", reason=Reason.NAME_TAKEN)
 

@@ -18,3 +18,8 @@ class Finding(NamedTuple):
     is_good: bool
     text: str
     advice: str = ""
+
+
+def judge(step: str, wrong: str, advice: str, good: str) -> Finding:
+    """Return a finding: what is wrong, with advice, unless that is empty; else what is good."""
+    return Finding(step, not wrong, wrong or good, advice if wrong else "")

@@ -24,7 +24,7 @@ from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, T
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some, node_text
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
-from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.policy import Policy, Rule, is_allowed
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.records import replace
@@ -115,6 +115,7 @@ class Gateway(Generic[Type]):
         self._find_type = find
         self._node = node
         self._policy = policy
+        self.check_subscribe, self.check_publish = policy.check_subscribe, policy.check_publish  # see `Restricted`
         self._topics = topics
         self._qualities = [(Rule((pattern,)), quality) for pattern, quality in qualities]
         self._writers: dict[str, _Writer[Type]] = {}
@@ -130,7 +131,7 @@ class Gateway(Generic[Type]):
         self._looked_at = -PERIOD
         self._now = 0.0
         self._num_opened = self._num_advertised = 0
-        self.on_change: Callable[[], None] = _do_nothing
+        self.on_change: Callable[[], None] = lambda: None
         bus.on_topic.append(self._note_topic)
         bus.on_holdings.append(self._note_holdings)
 
@@ -144,22 +145,6 @@ class Gateway(Generic[Type]):
         """See `Guest`: a part of the server publishes there from now on."""
         self._advertised.pop(name, None)
         self._lines.tell(f"{kind} {name}: {why}")
-
-    def check_subscribe(self, topic: str, type_name: str) -> None:
-        """See `Restricted`.
-
-        Raises:
-            GraphError: programs on the graph must not have its messages.
-        """
-        self._policy.check_subscribe(topic, type_name)
-
-    def check_publish(self, topic: str, type_name: str) -> None:
-        """See `Restricted`.
-
-        Raises:
-            GraphError: programs on the graph must not publish there.
-        """
-        self._policy.check_publish(topic, type_name)
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
         """See `Standing`. A program that has told no name counts as this gateway."""
@@ -484,23 +469,17 @@ class Gateway(Generic[Type]):
     def _may_leave(self, topic: Topic) -> bool:
         """Return True if programs on the graph may have a topic's messages."""
         action, hidden, _ = topic.name.partition(HIDDEN)
-        if not self._passes(topic.name) or (hidden and action in self._bus.actions.by_name):
-            return False  # an action without its services would only be listed there
-        try:
-            self._policy.check_subscribe(topic.name, topic.type.name)
-        except GraphError:
-            return False
-        return True
+        is_of_action = bool(hidden) and action in self._bus.actions.by_name  # without its services it is only listed
+        return (
+            not is_of_action
+            and self._passes(topic.name)
+            and is_allowed(self.check_subscribe, topic.name, topic.type.name)
+        )
 
     def _may_enter(self, topic: Topic) -> bool:
         """Return True if programs on the graph may publish on a topic."""
-        if not self._passes(topic.name) or (topic.owner is not None and topic.owner is not self):
-            return False
-        try:
-            self._policy.check_publish(topic.name, topic.type.name)
-        except GraphError:
-            return False
-        return True
+        is_free = topic.owner is None or topic.owner is self
+        return is_free and self._passes(topic.name) and is_allowed(self.check_publish, topic.name, topic.type.name)
 
     def _find(self, topic: Topic) -> Type | None:
         """Return the type of a topic as the graph knows it; None if it has none or was refused, which is told once."""
@@ -555,7 +534,3 @@ class Gateway(Generic[Type]):
             text = f"{node_text(first.endpoint.node, first.endpoint.program)} publishes {topics}, which does not pass"
             advice = f": {self._graph.one_too_many}" if first.kind is Reason.NAME_TAKEN else ""
             self._lines.tell(f"{text}: {first.why}{advice}", first.level)
-
-
-def _do_nothing() -> None:
-    """Do nothing: no one waits for a change."""

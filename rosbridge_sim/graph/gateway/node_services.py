@@ -9,13 +9,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Final, Generic
+from typing import Final
 
 import orjson
 
 from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import FarCall, FarGraph, FarService, OnReply, Service
+from rosbridge_sim.graph.gateway.far_graph import FarCall, FarGraph, FarService, FarServiceType, OnReply
 from rosbridge_sim.graph.gateway.far_offers import FarOffers
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy
@@ -47,7 +47,7 @@ class CallingNode:
         self.was_seen = False
         self.address = f"{graph.title} node {name}"
         self._log = logging.getLogger(graph.logger)
-        self._policy = policy
+        self.check_subscribe, self.check_publish = policy.check_subscribe, policy.check_publish  # see `Restricted`
 
     def notify(self, level: str, text: str) -> None:
         """Log a notice: a node has no way to get one."""
@@ -56,16 +56,8 @@ class CallingNode:
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
         """See `Guest`; a calling node offers nothing by this participant."""
 
-    def check_subscribe(self, topic: str, type_name: str) -> None:
-        """See `Restricted`."""
-        self._policy.check_subscribe(topic, type_name)
 
-    def check_publish(self, topic: str, type_name: str) -> None:
-        """See `Restricted`."""
-        self._policy.check_publish(topic, type_name)
-
-
-class NodeServices(FarOffers, Generic[Service]):
+class NodeServices(FarOffers[FarServiceType]):
     """The services that pass, in both directions.
 
     Attributes, beside those of `FarOffers`:
@@ -77,34 +69,30 @@ class NodeServices(FarOffers, Generic[Service]):
     kind = "service"
     op = "call_service"
     most = MAX_SERVICES
+    missing = Reason.NO_SUCH_SERVICE
 
     def __init__(
         self,
         graph: FarGraph,
         bus: Bus,
-        find: Callable[[str], Service],
+        find: Callable[[str], FarServiceType],
         policy: Policy,
-        far_call: FarCall[Service],
+        far_call: FarCall,
         *,
         is_offered: Callable[[str, Participant], bool] = lambda _name, _owner: True,
     ) -> None:
         """Offer nothing yet.
 
         Args:
-            graph: the kind of graph.
-            bus: our bus.
-            find: returns the service type of a name as nodes there know it; see `Gateway`.
-            policy: rights of all clients.
-            far_call: calls services of nodes.
-            is_offered: returns whether nodes may call a service of an owner, for which the policy lets them.
+            far_call: calls services of nodes. The others are those of `FarOffers`.
         """
-        super().__init__(graph, bus, policy)
+        super().__init__(
+            *(graph, bus, find, policy), known=bus.services, check_use=policy.check_call, is_offered=is_offered
+        )
         self.callers: dict[str, CallingNode] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.check_request: Callable[[str, Call], None] = lambda _name, _call: None
-        self._find_type = find
         self._far_call = far_call
-        self._is_offered = is_offered
         bus.on_holdings.append(self._note_holdings)
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
@@ -125,40 +113,6 @@ class NodeServices(FarOffers, Generic[Service]):
             self.on_change()
 
     # Services of the bus, for nodes
-
-    def offered(self) -> dict[str, Service]:
-        """Return the services that nodes may call, by name, with their types."""
-        found: dict[str, Service] = {}
-        for name, service in self._bus.services.items():
-            if not self._may_offer(name, service.owner):
-                continue
-            if len(found) >= MAX_SERVICES:
-                self._log.tell(f"more than {MAX_SERVICES:,} services on the bus: the others do not pass")
-                break
-            try:
-                found[name] = self._find_type(service.type.name)
-            except PeerError as error:
-                self._log.tell(f"service {name} does not pass: {error}", logging.INFO)
-        return found
-
-    def _may_offer(self, name: str, owner: Participant) -> bool:
-        return (
-            owner is not self and self._passes(name) and self._policy.may_call(name) and self._is_offered(name, owner)
-        )
-
-    def find(self, name: str) -> Service:
-        """Return the type of a service of the bus.
-
-        Raises:
-            PeerError: there is none, or nodes must not call it.
-        """
-        service = self._bus.services.get(name)
-        if service is None or service.owner is self:
-            raise GraphError(f"service {name} does not exist here", reason=Reason.NO_SUCH_SERVICE)
-        self._policy.check_call(name)
-        if not self._may_offer(name, service.owner):
-            raise GraphError(f"service {name} is not offered to nodes", reason=Reason.NOT_ALLOWED)
-        return self._find_type(service.type.name)
 
     def call(self, node: str, name: str, request: bytes, on_reply: OnReply, now: float) -> None:
         """Call a service of the bus for a node.
@@ -207,21 +161,18 @@ class NodeServices(FarOffers, Generic[Service]):
 
     # Services of nodes, for the bus
 
-    def _provide(self, one: FarService) -> None:
-        service = self._find_type(one.type_name)
+    def _provide(self, one: FarService, service: FarServiceType) -> None:
         if one.hash and one.hash != service.hash:
             raise GraphError(
                 f"{one.type_name} has another definition there ({one.hash}, here {service.hash}); use --schema-path",
                 reason=Reason.TYPE_CONFLICT,
             )
-        known = self._bus.services.get(one.name)
-        self._check_free(None if known is None else known.owner)
         self._bus.provide(self, one.name, one.type_name, partial(self._handle, one.name, service)).patience = PATIENCE
 
     def _withdraw(self, name: str) -> None:
         self._bus.withdraw(self, name)
 
-    def _handle(self, name: str, service: Service, call: Call, _now: float) -> None:
+    def _handle(self, name: str, service: FarServiceType, call: Call, _now: float) -> None:
         """Call a service of a node for a participant of the bus."""
         self.check_request(name, call)
 

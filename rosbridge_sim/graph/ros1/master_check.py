@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rosbridge_sim.graph.gateway.finding import Finding
+from rosbridge_sim.graph.gateway.finding import Finding, judge
 from rosbridge_sim.graph.gateway.sentences import name_some
 from rosbridge_sim.graph.ros1.master_view import MasterView, Registration
 from rosbridge_sim.graph.ros1.ros1_graph import ONE_TOO_MANY
@@ -62,10 +62,8 @@ def check_master(seen: SeenMaster) -> Sequence[Finding]:
 
 
 def _check_name(seen: SeenMaster) -> Finding:
-    if seen.why_no_name:
-        advice = "export ROS_HOSTNAME=localhost if all runs on this machine, else ROS_IP with its address"
-        return Finding("own name", is_good=False, text=seen.why_no_name, advice=advice)
-    return Finding("own name", is_good=True, text="the name of nodes in this terminal can be found")
+    advice = "export ROS_HOSTNAME=localhost if all runs on this machine, else ROS_IP with its address"
+    return judge("own name", seen.why_no_name, advice, "the name of nodes in this terminal can be found")
 
 
 def _check_types(seen: SeenMaster, view: MasterView) -> Finding:
@@ -74,25 +72,22 @@ def _check_types(seen: SeenMaster, view: MasterView) -> Finding:
         for topic, type_name in sorted(seen.topics.items())
         if view.types.get(topic, "*") not in {"*", type_name}
     ]
-    if misfits:
-        advice = "give one of them another name; --ros1-topics or [publishers] of the server can do it"
-        return Finding("types", is_good=False, text="\n".join(misfits[:20]), advice=advice)
-    text = "types agree by name; a definition that differs (md5 sum) is in the log of the server"
-    return Finding("types", is_good=True, text=text)
+    advice = "give one of them another name; --ros1-topics or [publishers] of the server can do it"
+    good = "types agree by name; a definition that differs (md5 sum) is in the log of the server"
+    return judge("types", "\n".join(misfits[:20]), advice, good)
 
 
 def _check_publishers(seen: SeenMaster, view: MasterView) -> Sequence[Finding]:
     published = {one.name: nodes for one, nodes in view.nodes.items() if one.kind == "Publisher"}
     clocks = published.get(CLOCK, ())
+    wrong = advice = ""
     if len(clocks) > 1:
-        first = Finding("clock", is_good=False, text=f"{' and '.join(clocks)} publish /clock", advice=ONE_TOO_MANY)
+        wrong, advice = f"{' and '.join(clocks)} publish /clock", ONE_TOO_MANY
     elif seen.uses_sim_time and not clocks:
-        text = "/use_sim_time is true, and no node publishes /clock, so the time of nodes stands"
+        wrong = "/use_sim_time is true, and no node publishes /clock, so the time of nodes stands"
         advice = "rosparam set /use_sim_time false, or start a simulator"
-        first = Finding("clock", is_good=False, text=text, advice=advice)
-    else:
-        kind = "simulated time, of /clock" if seen.uses_sim_time else "the time of day; /use_sim_time is not true"
-        first = Finding("clock", is_good=True, text=f"nodes use {kind}")
+    kind = "simulated time, of /clock" if seen.uses_sim_time else "the time of day; /use_sim_time is not true"
+    first = judge("clock", wrong, advice, f"nodes use {kind}")
     services = [one.name for one, nodes in view.nodes.items() if one.kind == "Service" and seen.server in nodes]
     topics = [name for name, nodes in published.items() if seen.server in nodes]
     other = [one for one in topics if set(view.nodes.get(Registration("Subscriber", one), ())) - {seen.server}]

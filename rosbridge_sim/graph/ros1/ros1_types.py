@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError
+from rosbridge_sim.graph.gateway.far_graph import FarServiceType
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.definitions.md5 import message_md5, service_md5
 from rosbridge_sim.schema.message import Message
@@ -76,22 +77,6 @@ class Ros1Type:
             raise FieldError(f"{self.name} has other fields in ROS 1; it passes with --ros 1: {error}") from None
 
 
-class Ros1Service:
-    """A service type as nodes of ROS 1 know it.
-
-    Attributes:
-        name: `pkg/Type`.
-        request, response: its two messages.
-        hash, md5: sum of the definition.
-    """
-
-    def __init__(self, name: str, request: Ros1Type, response: Ros1Type, md5: str) -> None:
-        self.name = name
-        self.request = request
-        self.response = response
-        self.hash = self.md5 = md5
-
-
 class Ros1Types:
     """The types of one store as nodes of ROS 1 know them, each made at its first use.
 
@@ -109,7 +94,7 @@ class Ros1Types:
         self._find_service_text = find_service_text
         self._readers = RosReaders()
         self._types: dict[str, Ros1Type] = {}
-        self._services: dict[str, Ros1Service] = {}
+        self._services: dict[str, FarServiceType] = {}
         self._num_learnt = 0
 
     def find(self, name: str) -> Ros1Type:
@@ -129,7 +114,7 @@ class Ros1Types:
             self._types[canonical] = known
         return known
 
-    def find_service(self, name: str) -> Ros1Service:
+    def find_service(self, name: str) -> FarServiceType:
         """Return the type of a service; the arguments and errors are those of `find`."""
         canonical = self._ros1.canonical(name)
         known = self._services.get(canonical)
@@ -142,7 +127,7 @@ class Ros1Types:
             request.check()
             response.check()
             md5 = service_md5(there.request.spec, there.response.spec)
-            known = self._services[canonical] = Ros1Service(canonical, request, response, md5)
+            known = self._services[canonical] = FarServiceType(canonical, request, response, md5)
         return known
 
     def text(self, name: str) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
+from rosbridge_sim.graph.gateway.far_graph import FarServiceType
 from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
@@ -99,20 +100,6 @@ _WRITERS: Final = RosWriters(2)
 """Writers for types of ROS 1 that have the layout of ROS 2; a cache of pure functions."""
 
 
-class CdrServiceType(Record):
-    """A service type as nodes of ROS 2 know it.
-
-    Attributes:
-        name: `pkg/srv/Type`.
-        hash: empty, because nodes do not compare definitions.
-    """
-
-    name: str
-    request: CdrType
-    response: CdrType
-    hash: str = ""
-
-
 class CdrActionType(Record):
     """An action type as nodes of ROS 2 know it.
 
@@ -167,11 +154,11 @@ class CdrTypes:
             raise known
         return known
 
-    def find_service(self, name: str) -> CdrServiceType:
+    def find_service(self, name: str) -> FarServiceType:
         """Return a type; see `find`."""
         here, there = self._store.service(name), self._ros2.service(name)
         request, response = self._part(here.request, there.request), self._part(here.response, there.response)
-        return CdrServiceType(self._ros2.spelled(name, "srv"), request, response)
+        return FarServiceType(self._ros2.spelled(name, "srv"), request, response)
 
     def find_action(self, name: str) -> CdrActionType:
         """Return a type; see `find`."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Literal
 
-from rosbridge_sim.graph.gateway.finding import Finding
+from rosbridge_sim.graph.gateway.finding import Finding, judge
 from rosbridge_sim.graph.gateway.quality import Quality, why_unheard
 from rosbridge_sim.graph.gateway.sentences import name_some, node_text
 from rosbridge_sim.records import Record
@@ -107,21 +107,17 @@ def check_graph(seen: SeenGraph, environment: Mapping[str, str]) -> Sequence[Fin
 
 def _check_domain(seen: SeenGraph, environment: Mapping[str, str]) -> Finding:
     own = domain_of(environment)
+    wrong, advice = "", f"export ROS_DOMAIN_ID={seen.domain}"
     if own is None:
-        text = f"ROS_DOMAIN_ID is {environment['ROS_DOMAIN_ID']!r}: expected a number from 0 to {MAX_DOMAIN}"
-        return Finding("domain", is_good=False, text=text, advice=f"export ROS_DOMAIN_ID={seen.domain}")
-    if not seen.server:
-        text = f"no server is in domain {seen.domain}"
+        wrong = f"ROS_DOMAIN_ID is {environment['ROS_DOMAIN_ID']!r}: expected a number from 0 to {MAX_DOMAIN}"
+    elif not seen.server:
+        wrong, advice = f"no server is in domain {seen.domain}", f"rosbridge-sim serve --ros2-domain {seen.domain}"
         if seen.other_domains:
             others = ", ".join(map(str, seen.other_domains))
             advice = f"programs of this machine are in domain {others}: export ROS_DOMAIN_ID={seen.other_domains[0]}"
-        else:
-            advice = f"rosbridge-sim serve --ros2-domain {seen.domain}"
-        return Finding("domain", is_good=False, text=text, advice=advice)
-    if own != seen.domain:
-        text = f"the server is in domain {seen.domain}, your nodes would be in {own}"
-        return Finding("domain", is_good=False, text=text, advice=f"export ROS_DOMAIN_ID={seen.domain}")
-    return Finding("domain", is_good=True, text=f"{seen.server} is in domain {seen.domain}")
+    elif own != seen.domain:
+        wrong = f"the server is in domain {seen.domain}, your nodes would be in {own}"
+    return judge("domain", wrong, advice, f"{seen.server} is in domain {seen.domain}")
 
 
 def _check_range(seen: SeenGraph, environment: Mapping[str, str]) -> Finding:
@@ -189,13 +185,11 @@ def _check_quality(seen: SeenGraph) -> Finding:
         if writer.type == reader.type and (why := why_unheard(writer.quality, reader.quality))
     ]
     num = sum(1 for _ in _pairs(seen))
-    if misfits:
-        advice = "have the subscription ask for less (qos_profile_sensor_data), or see --ros2-qos of the server"
-        return Finding("quality of service", is_good=False, text=_list(misfits), advice=advice)
-    text = f"all {num} pairs of publisher and subscription with the server fit"
+    advice = "have the subscription ask for less (qos_profile_sensor_data), or see --ros2-qos of the server"
+    good = f"all {num} pairs of publisher and subscription with the server fit"
     if not num:
-        text = "no other node publishes or subscribes to a topic of the server"
-    return Finding("quality of service", is_good=True, text=text)
+        good = "no other node publishes or subscribes to a topic of the server"
+    return judge("quality of service", _list(misfits), advice, good)
 
 
 def _check_types(seen: SeenGraph) -> Finding:
@@ -207,12 +201,10 @@ def _check_types(seen: SeenGraph) -> Finding:
             misfits.append(
                 f"{writer.topic}: the definitions of {writer.type} differ in {writer.shown} and {reader.shown}"
             )
-    if misfits:
-        advice = "build the package of the server's --release (rosbridge-sim schema show TYPE), or use --schema-path"
-        if any("/Twist" in line for line in (text.replace("::msg::dds_::", "/") for text in misfits)):
-            advice = "--cmd-vel TwistStamped of the server, or enable_stamped_cmd_vel: false of Nav2"
-        return Finding("type hash", is_good=False, text=_list(misfits), advice=advice)
-    return Finding("type hash", is_good=True, text="types and their hashes agree")
+    advice = "build the package of the server's --release (rosbridge-sim schema show TYPE), or use --schema-path"
+    if any("/Twist" in line.replace("::msg::dds_::", "/") for line in misfits):
+        advice = "--cmd-vel TwistStamped of the server, or enable_stamped_cmd_vel: false of Nav2"
+    return judge("type hash", _list(misfits), advice, "types and their hashes agree")
 
 
 def _check_publishers(seen: SeenGraph) -> Finding:
@@ -221,9 +213,8 @@ def _check_publishers(seen: SeenGraph) -> Finding:
     served = {name for name, writer in seen.frames if writer.node == seen.server}
     frames = [(name, writer.shown) for name, writer in seen.frames if name in served]
     lines = [*_clashes("", topics), *_clashes("frame ", frames)]
-    if lines:
-        return Finding("publishers", is_good=False, text=_list(lines), advice=ONE_TOO_MANY)
-    return Finding("publishers", is_good=True, text="no other program publishes a topic or a frame of the server")
+    good = "no other program publishes a topic or a frame of the server"
+    return judge("publishers", _list(lines), ONE_TOO_MANY, good)
 
 
 def _clashes(what: str, published: Sequence[tuple[str, str]]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Final, Protocol
 
-from rosbridge_sim.errors import GraphError, PeerError, Reason
+from rosbridge_sim.errors import PeerError, Reason
 from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarService
@@ -25,23 +25,6 @@ MAX_ACTIONS: Final = 1_000
 """Most actions in each direction; each has three services and two topics on the graph."""
 
 _log = logging.getLogger(ROS2_GRAPH.logger)
-
-
-class FarGoals(Protocol):
-    """Goals for actions that nodes provide, which `shell/` sends."""
-
-    def send_goal(self, name: str, action: CdrActionType, raw: bytes, ear: FarGoalEar) -> Callable[[], None]:
-        """Send a goal.
-
-        Args:
-            name: name of the action on the bus.
-            action: its type.
-            raw: the goal in CDR.
-            ear: is told of its progress, in the loop.
-
-        Returns:
-            Asks the node to cancel the goal.
-        """
 
 
 class FarGoalEar:
@@ -75,6 +58,11 @@ class FarGoalEar:
         self.goal.end(status, values)
 
 
+SendGoal = Callable[[str, CdrActionType, bytes, FarGoalEar], Callable[[], None]]
+"""`(name, action, goal, ear)`: send a goal in CDR to an action that a node provides, by its name on the bus. The ear is
+told of its progress, in the loop. What it returns asks the node to cancel the goal."""
+
+
 class NodeGoalEar(Protocol):
     """A goal of a node for an action of the bus; told by the bus."""
 
@@ -85,19 +73,20 @@ class NodeGoalEar(Protocol):
         """Take the status at the end and the result in CDR."""
 
 
-class Ros2Actions(FarOffers):
+class Ros2Actions(FarOffers[CdrActionType]):
     """The actions that pass, in both directions."""
 
     kind = "action"
     op = "send_action_goal"
     most = MAX_ACTIONS
+    missing = Reason.NO_SUCH_ACTION
 
     def __init__(
         self,
         bus: Bus,
         types: CdrTypes,
         policy: Policy,
-        far: FarGoals,
+        send_goal: SendGoal,
         *,
         is_offered: Callable[[str, Participant], bool] = lambda _name, _owner: True,
     ) -> None:
@@ -107,13 +96,14 @@ class Ros2Actions(FarOffers):
             bus: our bus.
             types: its types as nodes know them.
             policy: rights of all clients.
-            far: sends goals to nodes.
-            is_offered: see `NodeServices`.
+            send_goal: sends goals to nodes.
+            is_offered: see `FarOffers`.
         """
-        super().__init__(ROS2_GRAPH, bus, policy)
-        self._types = types
-        self._far = far
-        self._is_offered = is_offered
+        known, check_use = bus.actions.by_name, policy.check_goal
+        super().__init__(
+            *(ROS2_GRAPH, bus, types.find_action, policy), known=known, check_use=check_use, is_offered=is_offered
+        )
+        self._send_goal = send_goal
         self._cancels: dict[Goal, Callable[[], None]] = {}
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
@@ -121,22 +111,6 @@ class Ros2Actions(FarOffers):
         return {one.node or self.name for one in self.foreign.values() if role == "any" or name.startswith(one.name)}
 
     # Actions of the bus, for nodes
-
-    def offered(self) -> dict[str, CdrActionType]:
-        """Return the actions that nodes may send goals to, by name, with their types."""
-        found: dict[str, CdrActionType] = {}
-        for name, action in self._bus.actions.by_name.items():
-            if not self._may_offer(name, action.owner) or len(found) >= MAX_ACTIONS:
-                continue
-            try:
-                found[name] = self._types.find_action(action.type.name)
-            except PeerError as error:
-                self._log.tell(f"action {name} does not pass: {error}", logging.INFO)
-        return found
-
-    def _may_offer(self, name: str, owner: Participant) -> bool:
-        is_free = owner is not self and self._passes(name)
-        return is_free and self._policy.may_send_goal(name) and self._is_offered(name, owner)
 
     def send(self, name: str, raw: bytes, ear: NodeGoalEar) -> Goal | None:
         """Send a goal of a node to an action of the bus.
@@ -162,10 +136,7 @@ class Ros2Actions(FarOffers):
                 self._reject(name, outcome.reason, str(outcome.values))
 
         try:
-            known = self._bus.actions.by_name.get(name)
-            if known is None or not self._may_offer(name, known.owner):
-                raise GraphError(f"action {name} is not offered to nodes", reason=Reason.NO_SUCH_ACTION)
-            action = self._types.find_action(known.type.name)
+            action = self.find(name)
             value = action.goal.decode(raw, self._bus.stamp_ns)
         except PeerError as error:
             self._reject(name, error.reason, str(error))
@@ -183,10 +154,7 @@ class Ros2Actions(FarOffers):
 
     # Actions of nodes, for the bus
 
-    def _provide(self, one: FarService) -> None:
-        action = self._types.find_action(one.type_name)
-        known = self._bus.actions.by_name.get(one.name)
-        self._check_free(None if known is None else known.owner)
+    def _provide(self, one: FarService, action: CdrActionType) -> None:
         self._bus.actions.provide(self, one.name, one.type_name, partial(self._take, one.name, action), self._cancel)
 
     def _withdraw(self, name: str) -> None:
@@ -196,7 +164,7 @@ class Ros2Actions(FarOffers):
         for one in [one for one in self._cancels if one.is_done and one is not goal]:
             del self._cancels[one]
         raw = action.goal.encode(Message(action.goal.type, goal.request))
-        self._cancels[goal] = self._far.send_goal(name, action, raw, FarGoalEar(goal, action, self._bus))
+        self._cancels[goal] = self._send_goal(name, action, raw, FarGoalEar(goal, action, self._bus))
 
     def _cancel(self, goal: Goal) -> None:
         """Ask the node to cancel a goal, or to end one whose client has left."""

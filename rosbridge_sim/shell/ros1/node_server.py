@@ -17,7 +17,7 @@ from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.ros1_graph import is_name
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import with_length, write_header
 from rosbridge_sim.shell.ros1.other_nodes import OtherNodes
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
@@ -57,7 +57,7 @@ class NodeServer:
         others: OtherNodes,
         *,
         gateway: Gateway[Ros1Type],
-        services: NodeServices[Ros1Service],
+        services: NodeServices,
     ) -> None:
         """Listen nowhere yet.
 
@@ -212,10 +212,10 @@ class NodeServer:
         name = self._choices.here(there)
         service = self._services.find(name)
         md5 = header.get("md5sum", "*")
-        if md5 not in {"*", service.md5}:
+        if md5 not in {"*", service.hash}:
             raise GraphError(f"{name}: {node} has another definition of {service.name}: md5 sum {md5[:40]}")
         types = {"request_type": service.request.name, "response_type": service.response.name}
-        fields = {"callerid": self._choices.name, "type": service.name, "md5sum": service.md5, "service": there}
+        fields = {"callerid": self._choices.name, "type": service.name, "md5sum": service.hash, "service": there}
         send(writer, write_header(fields | types))
         if header.get("probe") == "1":
             await writer.drain()

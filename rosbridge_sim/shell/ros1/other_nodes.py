@@ -19,7 +19,7 @@ from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.master_view import MasterView
 from rosbridge_sim.graph.ros1.ros1_graph import type_of
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.service_links import FarServices, probe
 from rosbridge_sim.shell.ros1.topic_links import LOST, why_lost
@@ -55,7 +55,7 @@ class OtherNodes:
         readers: TopicReaders,
         *,
         gateway: Gateway[Ros1Type],
-        services: NodeServices[Ros1Service],
+        services: NodeServices,
         far_services: FarServices,
     ) -> None:
         """Know no node yet.

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.gateway.far_graph import OnReply
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Service
+from rosbridge_sim.graph.gateway.far_graph import FarServiceType, OnReply
 from rosbridge_sim.graph.ros1.tcpros import with_length
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
@@ -75,7 +74,7 @@ class FarServices:
         self._running: set[asyncio.Task[None]] = set()
         self._turns: dict[str, asyncio.Semaphore] = {}
 
-    def call(self, name: str, service: Ros1Service, request: bytes, call: Call, on_reply: OnReply) -> None:
+    def call(self, name: str, service: FarServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
         """See `FarCall`."""
         task = asyncio.get_running_loop().create_task(self._run(name, service, request, on_reply))
         self._running.add(task)
@@ -95,7 +94,7 @@ class FarServices:
         for name in list(self._idle):
             self.forget(name)
 
-    async def _run(self, name: str, service: Ros1Service, request: bytes, on_reply: OnReply) -> None:
+    async def _run(self, name: str, service: FarServiceType, request: bytes, on_reply: OnReply) -> None:
         try:
             async with self._turns.setdefault(name, asyncio.Semaphore(MAX_CALLS)):
                 reply = await self._ask(name, service, request)
@@ -103,7 +102,7 @@ class FarServices:
             reply = False, f"Service {name} of ROS 1 was lost: {why_lost(error)}".encode()
         on_reply(*reply)
 
-    async def _ask(self, name: str, service: Ros1Service, request: bytes) -> tuple[bool, bytes]:
+    async def _ask(self, name: str, service: FarServiceType, request: bytes) -> tuple[bool, bytes]:
         idle = self._idle.setdefault(name, [])
         while idle and (idle[-1][1].is_closing() or idle[-1][0].at_eof()):
             idle.pop()[1].close()
@@ -121,9 +120,9 @@ class FarServices:
             writer.close()
         return is_ok, body
 
-    async def _connect(self, name: str, service: Ros1Service) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    async def _connect(self, name: str, service: FarServiceType) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         there = self._choices.there(name)
-        fields = {"callerid": self._choices.name, "service": there, "md5sum": service.md5, "type": service.name}
+        fields = {"callerid": self._choices.name, "service": there, "md5sum": service.hash, "type": service.name}
         host, port = address_of(str(await self._choices.ask("lookupService", there)), "rosrpc")
         reader, writer, _ = await open_stream(host, port, {**fields, "persistent": "1", "tcp_nodelay": "1"})
         return reader, writer

@@ -7,17 +7,19 @@ import importlib.util
 import logging
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarService
+from rosbridge_sim.graph.gateway.far_offers import FarOffers
 from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import read_choice
 from rosbridge_sim.graph.participant import Participant, is_guest
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.remote_parameters import RemoteParameters
-from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType, CdrType, CdrTypes
+from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
 from rosbridge_sim.graph.ros2.ros2_actions import Ros2Actions
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.morai.releases import LENIENCY
@@ -30,6 +32,7 @@ from rosbridge_sim.shell.ros2.dds_library import why_no_library
 from rosbridge_sim.shell.ros2.joint_node import JointNode
 from rosbridge_sim.shell.ros2.rclpy_actions import RclpyActions
 from rosbridge_sim.shell.ros2.rclpy_node import RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_offers import RclpyOffers
 from rosbridge_sim.shell.ros2.rclpy_services import RclpyServices
 from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, share_folders, why_not_there
 from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME, Ros2Choices, Ros2Node
@@ -75,23 +78,15 @@ class _Offers:
         on_change: called if there is something to do.
     """
 
-    def __init__(
-        self,
-        services: NodeServices[CdrServiceType],
-        actions: Ros2Actions,
-        far_services: RclpyServices,
-        far_actions: RclpyActions,
-    ) -> None:
-        self._services = services
-        self._actions = actions
-        self._far_services = far_services
-        self._far_actions = far_actions
+    def __init__(self, *pairs: tuple[FarOffers[Any], RclpyOffers[Any]]) -> None:
+        self._pairs = pairs
+        self._is_ended = False
         self._due: float | None = 0.0
         self.on_change: Callable[[], None] = lambda: None
-        services.on_change = self._mark
 
-    def _mark(self) -> None:
-        if self._due is None:
+    def mark(self) -> None:
+        """Note that the bus has changed."""
+        if self._due is None and not self._is_ended:
             self._due = asyncio.get_running_loop().time() + PERIOD
             self.on_change()
 
@@ -102,26 +97,24 @@ class _Offers:
     def advance(self, now: float, /) -> None:
         """See `Clock`."""
         if self._due is not None and now >= self._due:
-            self._due = now if self._far_services.offer(self._services.offered()) else None
-            self._far_actions.offer(self._actions.offered())
+            are_more = [far.offer(here.offered()) for here, far in self._pairs]
+            self._due = now if any(are_more) else None
 
-    def note_foreign(self, services: list[FarService], actions: list[FarService]) -> None:
+    def note_foreign(self, *found: list[FarService]) -> None:
         """Offer on the bus what nodes provide now."""
-        self._services.set_foreign(services)
-        self._far_services.keep_clients({one.name for one in services})
-        self._actions.set_foreign(actions)
-        self._far_actions.keep_clients({one.name for one in actions})
+        for (here, far), foreign in zip(self._pairs, found, strict=True):
+            here.set_foreign(foreign)
+            far.keep_clients({one.name for one in foreign})
 
     def leave(self, now: float) -> None:
         """End all that nodes offer on the bus."""
-        self._services.leave(now)
-        self._actions.leave(now)
+        for here, _ in self._pairs:
+            here.leave(now)
 
     def end(self, error: Exception) -> None:
         """See `Endable`."""
         _log.error("internal error; no service is offered to ROS 2 any more", exc_info=error)
-        self._due = None
-        self._services.on_change = lambda: None
+        self._due, self._is_ended = None, True
 
 
 def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, scheduler: Scheduler) -> JoinedRos2:
@@ -162,8 +155,8 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     types = CdrTypes(bus.store, store)
     # A new endpoint takes rclpy less than a millisecond, and the DDS library up to 40.
     graph = ROS2_GRAPH if dds else replace(ROS2_GRAPH, endpoints_per_turn=10)
-    node = JointNode(rclpy, dds) if rclpy and dds else rclpy or dds
-    assert node is not None
+    libraries = [one for one in (rclpy, dds) if one is not None]
+    node = JointNode(rclpy, dds) if rclpy and dds else libraries[0]
     gateway = Gateway(
         graph,
         bus,
@@ -173,7 +166,9 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
         topics=Rule(settings.ros2_topics),
         qualities=[read_choice(text) for text in settings.ros2_qos],
     )
-    node.serve(gateway)
+    for one in libraries:
+        one.on_message = gateway.receive
+    libraries[0].on_endpoints = gateway.note_endpoints  # both see the same
     gateway.on_change = scheduler.look
     scheduler.add(gateway)
     offers = None
@@ -201,9 +196,10 @@ def _make_offers(
     services = NodeServices(ROS2_GRAPH, bus, types.find_service, policy, far_services.call, is_offered=is_offered)
     parameters = RemoteParameters(bus, policy, lambda service: service.owner is services)
     services.check_request = parameters.check_request
-    actions = Ros2Actions(bus, types, policy, far_actions, is_offered=is_offered)
+    actions = Ros2Actions(bus, types, policy, far_actions.send_goal, is_offered=is_offered)
     far_services.services, far_actions.actions = services, actions
-    offers = _Offers(services, actions, far_services, far_actions)
+    offers = _Offers((services, far_services), (actions, far_actions))
+    services.on_change = offers.mark
     rclpy.on_offers = offers.note_foreign
     return offers
 

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from rosbridge_sim.graph.gateway.far_graph import Endpoint
-from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
 from rosbridge_sim.shell.ros2.rclpy_node import RclpyNode
@@ -27,25 +23,18 @@ class JointNode:
         self._readers: dict[str, RclpyNode | Ros2Node] = {}
         rclpy.hide(dds.program)
 
-    def serve(self, gateway: Gateway[CdrType]) -> None:
-        """Give the messages of both to a gateway."""
-        self._rclpy.gateway = gateway
-        self._dds.gateway = _MessagesAlone(gateway)
-
     def _side(self, cdr_type: CdrType) -> RclpyNode | Ros2Node:
         return self._rclpy if self._rclpy.types.has(cdr_type.name) else self._dds
 
     def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         """See `FarNode`."""
-        side = self._side(cdr_type)
+        side = self._writers[topic] = self._side(cdr_type)
         side.open_writer(topic, cdr_type, quality, is_sole=is_sole)
-        self._writers[topic] = side
 
     def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
         """See `FarNode`."""
-        side = self._side(cdr_type)
+        side = self._readers[topic] = self._side(cdr_type)
         side.open_reader(topic, cdr_type, quality)
-        self._readers[topic] = side
 
     def close_writer(self, topic: str) -> None:
         """See `FarNode`."""
@@ -67,13 +56,3 @@ class JointNode:
         """Leave the domain."""
         self._rclpy.stop()
         self._dds.stop()
-
-
-class _MessagesAlone:
-    """A gateway that gets messages, and no endpoints."""
-
-    def __init__(self, gateway: Gateway[CdrType]) -> None:
-        self.receive = gateway.receive
-
-    def note_endpoints(self, found: Iterable[Endpoint], lost: Iterable[str], now: float) -> None:
-        """Do nothing: rclpy sees the same."""

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Final
 
-from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.ros2.cdr_types import CdrActionType
 from rosbridge_sim.graph.ros2.ros2_actions import FarGoalEar, Ros2Actions
 from rosbridge_sim.shell.ros2.rclpy_node import READY_PERIOD, RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_offers import RclpyOffers
 from rosbridge_sim.shell.ros2.rclpy_types import RclpyObject, rclpy_errors, read_cdr, write_cdr
 
 VERDICT_PATIENCE: Final = 1.0
@@ -23,33 +22,24 @@ VERDICT_PATIENCE: Final = 1.0
 SERVER_PATIENCE: Final = 10.0
 """Longest wait for an action server that the graph has told of [s]."""
 
-_log = logging.getLogger("rosbridge_sim.ros2")
 
-
-class RclpyActions:
-    """Actions of our node; see `FarGoals`.
+class RclpyActions(RclpyOffers[CdrActionType]):
+    """Actions of our node.
 
     Attributes:
         actions: gets what comes; set before the first turn of the loop.
     """
 
+    kind = "action"
+
     def __init__(self, node: RclpyNode, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__(node, loop)
         self.actions: Ros2Actions | None = None
-        self._node = node
-        self._loop = loop
-        self._servers: dict[str, tuple[CdrActionType, RclpyObject]] = {}
-        self._clients: dict[str, RclpyObject] = {}
-        self._missing: set[str] = set()
 
     # Actions of nodes
 
-    def keep_clients(self, names: set[str]) -> None:
-        """End the clients of actions that nodes provide no more."""
-        for name in self._clients.keys() - names:
-            self._node.run(self._clients.pop(name).destroy)
-
     def send_goal(self, name: str, action: CdrActionType, raw: bytes, ear: FarGoalEar) -> Callable[[], None]:
-        """See `FarGoals`."""
+        """See `SendGoal`."""
         from rclpy.action import ActionClient  # noqa: PLC0415 - only with --ros2-domain
 
         found = self._node.types.find(action.name)
@@ -79,35 +69,23 @@ class RclpyActions:
 
     # Actions of the bus
 
-    def offer(self, wanted: Mapping[str, CdrActionType]) -> None:
-        """Offer actions to nodes, and end others."""
+    def _provide(self, name: str, found: RclpyObject) -> RclpyObject:
         from rclpy.action import ActionServer  # noqa: PLC0415 - only with --ros2-domain
 
-        for name in [name for name, (action, _) in self._servers.items() if wanted.get(name) != action]:
-            self._node.run(self._servers.pop(name)[1].destroy)
-        for name, action in wanted.items():
-            if name in self._servers:
-                continue
-            try:
-                found = self._node.types.find(action.name)
-                with rclpy_errors():
-                    goals = _ServedGoals(self, self._node, name, found)
-                    self._servers[name] = (
-                        action,
-                        ActionServer(
-                            self._node.library,
-                            found,
-                            self._node.far(name),
-                            execute_callback=goals.never,
-                            goal_callback=goals.judge,
-                            handle_accepted_callback=goals.begin,
-                            cancel_callback=goals.cancel,
-                        ),
-                    )
-            except GraphError as error:
-                if name not in self._missing:
-                    self._missing.add(name)
-                    _log.info("action %s is not offered to nodes: %s", name, error)
+        goals = _ServedGoals(self, self._node, name, found)
+        with rclpy_errors():
+            return ActionServer(
+                self._node.library,
+                found,
+                self._node.far(name),
+                execute_callback=goals.never,
+                goal_callback=goals.judge,
+                handle_accepted_callback=goals.begin,
+                cancel_callback=goals.cancel,
+            )
+
+    def _destroy(self, one: RclpyObject) -> None:
+        one.destroy()
 
 
 class _SentGoal:

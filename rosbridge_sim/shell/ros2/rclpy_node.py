@@ -28,7 +28,7 @@ from rosbridge_sim.shell.ros2.loopback import close_to_network
 from rosbridge_sim.shell.ros2.rclpy_graph import GraphView
 from rosbridge_sim.shell.ros2.rclpy_readers import PERIOD, RclpyReaders
 from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, RclpyObject, no_events, rclpy_errors, rclpy_quality
-from rosbridge_sim.shell.ros2.ros2_node import NODE_NAME, Ros2Choices, Taker
+from rosbridge_sim.shell.ros2.ros2_node import NODE_NAME, OnEndpoints, OnMessage, Ros2Choices
 
 MAX_ECHOES: Final = 1_000
 """Messages of a topic that are remembered as our own: more than a subscription keeps."""
@@ -67,7 +67,7 @@ class RclpyNode:
     """Our node; see `FarNode`.
 
     Attributes:
-        gateway: gets what comes; set before the first turn of the loop.
+        on_message, on_endpoints: get what comes, as those of `Ros2Node`.
         inbox: takes the work for the loop.
         library: the node of rclpy, for services and actions.
         types: the installed types.
@@ -92,7 +92,8 @@ class RclpyNode:
         from rclpy.node import Node  # noqa: PLC0415
         from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
 
-        self.gateway: Taker | None = None
+        self.on_message: OnMessage = lambda _topic, _raw, _now: None
+        self.on_endpoints: OnEndpoints = lambda _found, _lost, _now: None
         self.inbox = Inbox(loop)
         self.types = types
         self.on_offers: Callable[[list[FarService], list[FarService]], None] = lambda _services, _actions: None
@@ -188,10 +189,6 @@ class RclpyNode:
 
     # As a `FarNode`
 
-    def serve(self, gateway: Taker) -> None:
-        """Give messages and endpoints to a gateway."""
-        self.gateway = gateway
-
     def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         """See `FarNode`. rclpy cannot tell other programs that a writer is the sole one."""
         found = self.types.find(cdr_type.name)
@@ -259,8 +256,8 @@ class RclpyNode:
         echoes = self._echoes.get(topic)
         if echoes and any(start <= stamp_ns <= end and hash(raw) == key for start, end, key in echoes):
             return
-        if self.gateway is not None and self.far(topic) in self._readers:
-            self.gateway.receive(topic, raw, self._loop.time())
+        if self.far(topic) in self._readers:
+            self.on_message(topic, raw, self._loop.time())
 
     # The graph
 
@@ -284,8 +281,7 @@ class RclpyNode:
                 del self._foreign[topic]
             with suppress(GraphError):
                 self._match_reader(topic)
-        if self.gateway is not None:
-            self.gateway.note_endpoints(found, [one.key for one in lost], self._loop.time())
+        self.on_endpoints(found, [one.key for one in lost], self._loop.time())
 
     # Small parts
 

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.gateway.far_graph import OnReply
+from rosbridge_sim.graph.gateway.far_graph import FarServiceType, OnReply
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
-from rosbridge_sim.graph.gateway.sentences import OnceLog
-from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType
-from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.shell.ros2.rclpy_node import READY_PERIOD, RclpyNode
+from rosbridge_sim.shell.ros2.rclpy_offers import RclpyOffers
 from rosbridge_sim.shell.ros2.rclpy_types import RclpyObject, rclpy_errors, rclpy_quality, read_cdr, write_cdr
-
-SERVICES_PER_TURN: Final = 10
-"""Services that one turn of the loop offers to nodes: one takes about a millisecond."""
 
 MAX_SENT: Final = 10
 """Requests to one service that wait for an answer: a provider keeps 10 that it has not taken yet, and loses others."""
@@ -37,36 +30,29 @@ CALLS: Final = Quality(depth=1_000)
 """Of requests and answers: ROS 2's own depth of 10 loses some of 20 calls at once."""
 
 
-class RclpyServices:
+class RclpyServices(RclpyOffers[FarServiceType]):
     """Services of our node; see `FarCall`.
 
     Attributes:
         services: gets what comes; set before the first turn of the loop.
     """
 
+    kind = "service"
+
     def __init__(self, node: RclpyNode, loop: asyncio.AbstractEventLoop) -> None:
-        self.services: NodeServices[CdrServiceType] | None = None
-        self._node = node
-        self._loop = loop
-        self._offered: dict[str, tuple[CdrServiceType, RclpyObject]] = {}
-        self._clients: dict[str, RclpyObject] = {}
+        super().__init__(node, loop)
+        self.services: NodeServices | None = None
         self._num_sent: Counter[RclpyObject] = Counter()  # requests without an answer yet, by client of rclpy
-        self._log = OnceLog(ROS2_GRAPH.logger)
 
     # Services of nodes; see `FarCall`
 
-    def call(self, name: str, service: CdrServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
+    def call(self, name: str, service: FarServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
         """See `FarCall`."""
         found = self._node.types.find(service.name)
         with rclpy_errors():
             client = self._client(name, found)
             message = read_cdr(request, found.Request)
         self._send(client, message, call, on_reply, self._loop.time() + QUEUE_PATIENCE)
-
-    def keep_clients(self, names: set[str]) -> None:
-        """End the clients of services that nodes provide no more."""
-        for name in self._clients.keys() - names:
-            self._node.destroy(self._node.library.destroy_client, self._clients.pop(name))
 
     def _client(self, name: str, found: RclpyObject) -> RclpyObject:
         if name not in self._clients:
@@ -114,35 +100,9 @@ class RclpyServices:
 
     # Services of the bus
 
-    def offer(self, wanted: Mapping[str, CdrServiceType]) -> bool:
-        """Offer services to nodes, a few in one turn, and end others.
-
-        Returns:
-            True if there is more to do.
-        """
-        for name in [name for name, (service, _) in self._offered.items() if wanted.get(name) != service]:
-            self._node.destroy(self._node.library.destroy_service, self._offered.pop(name)[1])
-        missing: dict[str, list[str]] = {}
-        num_made = 0
-        for name, service in wanted.items():
-            if name in self._offered:
-                continue
-            try:
-                found = self._node.types.find(service.name)
-            except GraphError:
-                missing.setdefault(service.name.partition("/")[0], []).append(name)
-                continue
-            num_made += 1
-            if num_made > SERVICES_PER_TURN:
-                return True
-            self._offered[name] = service, self._provide(name, found)
-        for package, names in missing.items():
-            self._log.tell(
-                f"{len(names)} services are not offered to nodes, such as {names[0]}: {package} is not installed for"
-                " ROS 2; build it, and source its setup.bash",
-                logging.INFO,
-            )
-        return False
+    def _destroy(self, one: RclpyObject) -> None:
+        library = self._node.library
+        _ = library.destroy_client(one) or library.destroy_service(one)
 
     def _provide(self, name: str, found: RclpyObject) -> RclpyObject:
         """Offer a service. Its answer comes later, from the loop, so the header of each request is kept until then."""

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Final, Protocol
+from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.gateway.far_graph import Endpoint
@@ -111,18 +111,20 @@ class Ros2Choices(Record):
     name: str = NODE_NAME
 
 
-class Taker(Protocol):
-    """The part of a gateway that a node gives what comes."""
+OnMessage = Callable[[str, bytes, float], None]
+"""`(topic, raw, now)`: a message has come."""
 
-    def receive(self, name: str, raw: bytes, now: float) -> None:
-        """Take a message."""
-
-    def note_endpoints(self, found: Iterable[Endpoint], lost: Iterable[str], now: float) -> None:
-        """Note endpoints of other programs."""
+OnEndpoints = Callable[[Sequence[Endpoint], Sequence[str], float], None]
+"""`(found, lost, now)`: endpoints of other programs have come or changed, and those of some keys have gone."""
 
 
 class Ros2Node:
-    """Our node; see `FarNode`."""
+    """Our node; see `FarNode`.
+
+    Attributes:
+        on_message, on_endpoints: get what comes.
+        on_work: called after messages.
+    """
 
     def __init__(self, choices: Ros2Choices, loop: asyncio.AbstractEventLoop) -> None:
         """Join the domain, and tell others of the node.
@@ -135,8 +137,9 @@ class Ros2Node:
             DocumentError: the library is missing or refuses the domain.
         """
         check_library()
-        self.gateway: Taker | None = None
-        self.on_work: Callable[[], None] = _do_nothing
+        self.on_message: OnMessage = lambda _topic, _raw, _now: None
+        self.on_endpoints: OnEndpoints = lambda _found, _lost, _now: None
+        self.on_work: Callable[[], None] = lambda: None
         self._choices = choices
         self._loop = loop
         config = config_of(choices.discovery, choices.max_message_size)
@@ -178,10 +181,6 @@ class Ros2Node:
             self._domain.close()
 
     # As a `FarNode`
-
-    def serve(self, gateway: Taker) -> None:
-        """Give messages and endpoints to a gateway."""
-        self.gateway = gateway
 
     def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
         """See `FarNode`."""
@@ -272,12 +271,12 @@ class Ros2Node:
         """Give the waiting messages of a topic to the gateway, as many as a turn allows."""
         reader = self._readers.get(topic)
         size = 0
-        while reader is not None and self.gateway is not None:
+        while reader is not None:
             raw = reader.take()
             if raw is None:
                 break
             if raw:
-                self.gateway.receive(topic, raw, self._loop.time())
+                self.on_message(topic, raw, self._loop.time())
             size += max(len(raw), LEAST_SIZE)
             if size > BYTES_PER_TURN:
                 self._report_data[topic]()
@@ -336,8 +335,8 @@ class Ros2Node:
         self._note([replace(one, is_named=True) for one in unnamed], [])
 
     def _note(self, found: Sequence[Endpoint], lost: Sequence[str]) -> None:
-        if self.gateway is not None and not self._is_stopped and (found or lost):
-            self.gateway.note_endpoints(found, lost, self._loop.time())
+        if not self._is_stopped and (found or lost):
+            self.on_endpoints(found, lost, self._loop.time())
 
     def _endpoint(self, one: DdsEndpoint, *, is_writer: bool) -> Endpoint | None:
         topic = topic_of(one.topic, self._choices.namespace)
@@ -352,7 +351,3 @@ class Ros2Node:
 
 def _user_data(cdr_type: CdrType) -> bytes:
     return f"typehash={cdr_type.hash};".encode()
-
-
-def _do_nothing() -> None:
-    """Do nothing: nobody waits for work."""

@@ -8,12 +8,12 @@ import pytest
 
 from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import FarService, OnReply
+from rosbridge_sim.graph.gateway.far_graph import FarService, FarServiceType, OnReply
 from rosbridge_sim.graph.gateway.node_services import PATIENCE, NodeServices
 from rosbridge_sim.graph.participant import Participant, is_guest
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.graph.ros2.cdr_types import CdrServiceType, CdrTypes
+from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.schema.message import Message
@@ -41,7 +41,7 @@ class ServicesInMemory:
             ROS2_GRAPH, self.bus, self.types.find_service, policy or Policy(), self.call, is_offered=is_offered
         )
 
-    def call(self, name: str, service: CdrServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
+    def call(self, name: str, service: FarServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
         assert call.service.type.name == service.request.type.name.removesuffix("Request")
         self.asked.append((name, request, on_reply))
 

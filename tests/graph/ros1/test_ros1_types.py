@@ -87,6 +87,6 @@ def test_definitions_of_other_nodes_are_bounded() -> None:
 def test_a_service_of_an_installation_is_found() -> None:
     store = make_store(1).with_texts({})
     types = Ros1Types(store, store, {"robots/Arm": "float64 angle\n---\nbool is_done"}.get)
-    assert types.find_service("robots/Arm").md5 == sum_of("float64 anglebool is_done")
+    assert types.find_service("robots/Arm").hash == sum_of("float64 anglebool is_done")
     with pytest.raises(PeerError, match="robots2"):
         types.find_service("robots2/Arm")

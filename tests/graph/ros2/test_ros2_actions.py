@@ -40,7 +40,7 @@ class ActionsInMemory:
         self.outcomes: list[GoalOutcome] = []
         self.feedback: list[Message] = []
         self.taken: list[Goal] = []
-        self.actions = Ros2Actions(self.bus, self.types, policy or Policy(), self)
+        self.actions = Ros2Actions(self.bus, self.types, policy or Policy(), self.send_goal)
 
     def send_goal(self, name: str, action: CdrActionType, raw: bytes, ear: FarGoalEar) -> Callable[[], None]:
         assert (name, action.name) == ("/count", "own_msgs/action/Count")

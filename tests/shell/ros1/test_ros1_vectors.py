@@ -19,7 +19,8 @@ import pytest
 from rosbridge_sim import Simulator
 from rosbridge_sim.doctor.check_frames import agrees, write_frame
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Service, Ros1Types
+from rosbridge_sim.graph.gateway.far_graph import FarServiceType
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Types
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.ros1 import ros1_node
 from tests.graph.bus_fixture import make_store
@@ -104,7 +105,7 @@ class ProvidingNode:
     def __init__(self, joined: Joined, node: SmallNode) -> None:
         self._joined = joined
         self._node = node
-        self._service: Ros1Service | None = None
+        self._service: FarServiceType | None = None
         self._name = ""
         self._waiting: dict[str, asyncio.Future[Reply]] = {}
         self._num = 0
@@ -122,7 +123,7 @@ class ProvidingNode:
     async def _offer(self, name: str, kind: str) -> None:
         service = self._service = self._joined.types.find_service(kind)
         self._name = name
-        self._node.answer_header = {"type": service.name, "md5sum": service.md5}
+        self._node.answer_header = {"type": service.name, "md5sum": service.hash}
         self._node.handle = self._handle
         await self._node.register("Service", name, "")
         await until(lambda: name in self._joined.bus.services)

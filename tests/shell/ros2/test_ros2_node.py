@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -134,7 +134,7 @@ class NotesOfTurns:
     def __init__(self) -> None:
         self.sizes: list[int] = [0]
 
-    def note_endpoints(self, found: list[Endpoint], _lost: list[str], _now: float) -> None:
+    def note_endpoints(self, found: Sequence[Endpoint], _lost: Sequence[str], _now: float) -> None:
         self.sizes[-1] += sum(one.topic.startswith("/many") and not one.is_named for one in found)
 
     def turn(self) -> None:
@@ -145,7 +145,7 @@ class NotesOfTurns:
 async def test_each_turn_of_the_loop_takes_a_few_endpoints_however_many_have_come() -> None:
     domain, notes = domain_of(7), NotesOfTurns()
     node = Ros2Node(Ros2Choices(domain), asyncio.get_running_loop())
-    node.gateway = notes  # type: ignore[assignment] # it has all that is called
+    node.on_endpoints = notes.note_endpoints
     program = Program(domain)
     for i in range(100):
         program.publish(f"/many{i}", String)
