@@ -54,6 +54,7 @@ def add_watching(parser: Parser) -> None:
 
 def add_patterns(parser: Parser) -> None:
     """Add the flags that select topics and services."""
-    for what in ("topic", "service"):
-        about = f"{what}s to take, such as '/camera/*'; may be repeated [all but those of ROS itself]"
+    for what, other in (("topic", "service"), ("service", "topic")):
+        default = f"all but those of ROS itself; none with --{other} alone"
+        about = f"{what}s to take, such as '/camera/*'; may be repeated [{default}]"
         parser.repeated(f"-{what[0]}", f"--{what}", "PATTERN", about, dest=f"{what}s")

@@ -111,7 +111,8 @@ _CAPTURE: Final = f"""
 
 `rosbridge-sim mock capture URL -o FILE` watches a running system for 5 s (`--duration`) and writes this file; a bag or MCAP file in place
 of the URL is read in the same way. `mock check` finds no mistake in what it writes; what a mock cannot do is left out and told, such as
-types that `--schema-path` does not know. For a system of ROS 2, check and run it with `--ros 2`.
+types that `--schema-path` does not know. `-t '/camera/*'` takes these topics, and services and actions only if `-s` or `--call` names
+some; `-s` alone takes no topics. For a system of ROS 2, check and run it with `--ros 2`.
 
 | seen | in the file |
 |---|---|

@@ -126,8 +126,8 @@ async def capture_mock(
         file: path of the new file.
         token: token of the server; None sends none.
         patience: longest wait for an answer [s].
-        topics: patterns of topics; empty means all but those of ROS itself.
-        services: patterns of services, the same.
+        topics, services: patterns of topics, and of services and actions; none of both means all but those of ROS
+            itself.
         calls: services that are called without arguments.
         duration: how long it is watched, or how much of the bag is read [s].
         sources: selects the known definitions.
@@ -209,7 +209,9 @@ async def _watch(
     duration: float,
 ) -> None:
     """Watch a running system; see `capture_mock`."""
-    types, there = await types_if_told(bridge), await services_if_told(bridge, services, OF_THE_MOCK)
+    types = await types_if_told(bridge)
+    patterns, is_all = [*services, *calls], not topics and not services  # patterns of one kind select nothing else
+    there = await services_if_told(bridge, [] if is_all else patterns, OF_THE_MOCK) if is_all or patterns else {}
     if types is None or there is None:
         raise RefusedError("a mock cannot be captured without rosapi; a bag can be: rosbridge-sim record writes one")
     for name in map(absolute, calls):
@@ -222,9 +224,11 @@ async def _watch(
             {"value": without_patterns(answer.values)} if answer.is_ok else {"fail": str(answer.values)[:MAX_FAIL]}
         )
     actions = {absolute(name): kind for name, kind in (await types_of_actions(bridge)).items()}
-    found.actions = {name: actions[name] for name in chosen(actions, [], OF_THE_MOCK) if actions[name] != "?"}
+    names = chosen(actions, services, OF_THE_MOCK) if is_all or services else []
+    found.actions = {name: actions[name] for name in names if actions[name] != "?"}
     of_actions = tuple(f"{name}/*" for name in found.actions)
     found.services = {name: there[name] for name in chosen(there, ["*"], of_actions) if there[name]}
+    types = types if is_all or topics else {}
     found.want({name: kind for name, kind in types.items() if chosen([name], [], of_actions)}, topics)
     found.seen = await watch_topics(bridge, found.types, duration, found.take_transforms)
 

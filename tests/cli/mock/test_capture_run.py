@@ -84,6 +84,25 @@ async def test_moving_topics_have_rates_and_patterns(url: str, file: str) -> Non
     assert (again.code, again.complaint) == (2, f"{file}: is there already; choose another name, or delete it")
 
 
+@pytest.mark.parametrize(
+    ("words", "kinds"),
+    [
+        (("-t", "/SyncModeInfo"), {"topics"}),
+        (("-s", "/SyncModeC*"), {"services"}),
+        (("-t", "/SyncModeInfo", "--call", "/sim/describe"), {"topics", "services"}),
+    ],
+)
+async def test_patterns_of_one_kind_select_nothing_of_the_others(
+    words: tuple[str, ...], kinds: set[str], url: str, file: str
+) -> None:
+    done = await mock("capture", url, "-o", file, "-d", "0.3", *words, "--json")
+    assert done.code == 0, done
+    document = json.loads(done.out)
+    assert document.keys() == kinds
+    wanted = {"--call": {"/sim/describe"}, "-s": {"/SyncModeCmd", "/SyncModeCtrlCmd"}}
+    assert set(document.get("services", ())) == wanted.get(words[-2], set())
+
+
 async def test_contract_of_a_simulator_is_kept_by_a_mock_of_it(file: str, tmp_path: Path) -> None:
     contract, chosen = str(tmp_path / "contract.yaml"), ("-d", "0.5", "-t", "/Ego_topic", "-s", "/SyncModeCmd")
     async with Simulator(port=0) as simulator:
