@@ -5,15 +5,15 @@ So reading takes no time, and rosapi needs to know nothing of a master. A change
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 import orjson
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.parameters import Parameters
-from rosbridge_sim.graph.ros1.ros1_graph import is_name
+from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH, is_name
 
 MAX_DEPTH: Final = 100
 """Deepest nesting of a value."""
@@ -26,8 +26,6 @@ _LARGEST: Final = 2**31
 
 _OF_ROSCORE: Final = frozenset({"/rosdistro", "/rosversion", "/run_id"})
 """Parameters that every roscore sets. This server sets them only at a master that lacks them."""
-
-_log = logging.getLogger("rosbridge_sim.ros1")
 
 
 class MasterParameters:
@@ -47,7 +45,7 @@ class MasterParameters:
         self.on_change: Callable[[], None] = lambda: None
         self._parameters = parameters
         self._is_taking = False
-        self._is_told = False
+        self._log = OnceLog(ROS1_GRAPH.logger)
         parameters.on_change = self._note
 
     def notify(self, level: str, text: str) -> None:
@@ -80,9 +78,7 @@ class MasterParameters:
             for each, text in _flat(name, value, 0):
                 self._parameters.put(each, text, self)
         except GraphError as error:
-            if not self._is_told:
-                self._is_told = True
-                _log.warning("a parameter of the master is not seen here: %s", error)
+            self._log.tell(f"a parameter of the master is not seen here: {error}", key="unseen")
         finally:
             self._is_taking = False
 

@@ -135,20 +135,23 @@ async def _resolve(where: str, host: str) -> list[str]:
         raise DocumentError(f"{where}: the host {host} cannot be found: {error}") from None
 
 
+def named_host(environment: Mapping[str, str]) -> tuple[str, str] | None:
+    """Return the variable that names the host of nodes in a terminal, and its value; None if none does."""
+    named = ((variable, environment.get(variable, "").strip()) for variable in ("ROS_HOSTNAME", "ROS_IP"))
+    return next((one for one in named if one[1]), None)
+
+
 async def _shown_host(host: str, master: tuple[str, int], environment: Mapping[str, str], *, is_loopback: bool) -> str:
     """Return the host in the addresses that other nodes get: that of the variables, or the one that the master sees."""
-    for variable in ("ROS_HOSTNAME", "ROS_IP"):
-        name = environment.get(variable, "").strip()
-        if not name:
-            continue
-        if is_loopback and not all(map(is_local, await _resolve(variable, name))):
-            _log.warning(
-                "%s is %s, and this node listens on loopback alone, so nodes are told %s; give --ros1-host to be"
-                " reached from other machines",
-                *(variable, name, host),
-            )
-            break
-        return name
+    named = named_host(environment)
+    if named is not None:
+        if not is_loopback or all(map(is_local, await _resolve(*named))):
+            return named[1]
+        _log.warning(
+            "%s is %s, and this node listens on loopback alone, so nodes are told %s; give --ros1-host to be"
+            " reached from other machines",
+            *(*named, host),
+        )
     if not ipaddress.ip_address((await _resolve("ros1-host", host))[0]).is_unspecified:
         return host
     with socket.socket(socket.AF_INET6 if ":" in master[0] else socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -12,7 +12,7 @@ from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.ros1.master_check import SeenMaster
 from rosbridge_sim.graph.ros1.master_view import read_view
 from rosbridge_sim.records import replace
-from rosbridge_sim.shell.ros1.ros1_joining import master_of
+from rosbridge_sim.shell.ros1.ros1_joining import master_of, named_host
 from rosbridge_sim.shell.ros1.xmlrpc_http import addresses, call
 
 CALLER: Final = "/rosbridge_sim_check"
@@ -58,11 +58,7 @@ async def _uses_sim_time(uri: str) -> bool:
 
 async def _why_no_name(environment: Mapping[str, str]) -> str:
     """Return why nodes of the terminal cannot be reached by the name that they give to others; empty if they can."""
-    for variable in ("ROS_HOSTNAME", "ROS_IP"):
-        if name := environment.get(variable, "").strip():
-            break
-    else:
-        variable, name = "the name of this machine", socket.gethostname()
+    variable, name = named_host(environment) or ("the name of this machine", socket.gethostname())
     try:
         await addresses(name)
     except (OSError, UnicodeError) as error:
