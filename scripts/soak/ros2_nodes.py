@@ -210,9 +210,9 @@ async def soak(seconds: float) -> dict[str, Any]:
             while line := await peer.stdout.readline():
                 when = "end" if "begin" in told else "begin"
                 told |= {when: count(sim), f"{when} MiB": round(memory(), 1), "nodes": int(line)}
-        finally:
-            if peer.returncode is None:
-                peer.kill()
+        except BaseException:
+            peer.kill()
+            raise
         if await peer.wait():
             raise SystemExit("the nodes did not come to their end")
         return told
