@@ -13,6 +13,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 from xml.parsers import expat
 
+from msgspec import Struct
+
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.suggestions import hint
@@ -33,7 +35,7 @@ MAX_XML_NUMBER: Final = 1e12
 """Largest number of an attribute, either way; no length, angle or factor is greater."""
 
 
-class Element:
+class Element(Struct, eq=False, gc=False):
     """An element of a document.
 
     Attributes:
@@ -45,12 +47,12 @@ class Element:
         source: name of the file, for errors.
     """
 
-    __slots__ = ("attributes", "children", "line", "source", "tag", "text")
-
-    def __init__(self, tag: str, attributes: dict[str, str], line: int, source: str) -> None:
-        self.tag, self.attributes, self.line, self.source = tag, attributes, line, source
-        self.children: list[Element] | tuple[Element, ...] = ()  # most have none: fewer objects for Python's collector
-        self.text = ""
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    source: str
+    children: list[Element] | tuple[Element, ...] = ()  # most have none: fewer objects for Python's collector
+    text: str = ""
 
     def all(self, tag: str) -> Iterator[Element]:
         """Return the children with this name, in order."""
@@ -134,12 +136,11 @@ class Element:
         Raises:
             DocumentError: as for `number`.
         """
-        get = self.attributes.get
         try:
-            found = [float(get(key) or 0.0) for key in keys]
-        except ValueError:
+            found = list(map(float, map(self.attributes.__getitem__, keys)))
+        except (KeyError, ValueError):
             found = [math.nan]
-        if all(map(MAX_XML_NUMBER.__ge__, map(abs, found))):  # nan is not
+        if sum(map(abs, found)) <= MAX_XML_NUMBER:  # nan is not
             return found
         return [self.number(key, 0.0) for key in keys]
 

@@ -182,8 +182,8 @@ def _meet(lanes: LanesOfRoads, one: _Places, other: _Places) -> bool:
     """Return whether lanes of two groups come near each other, but for those that begin at one place."""
     if not len(one[0]) or not len(other[0]):
         return False
-    away = one[0][:, None] - other[0][None]
-    near = np.argwhere(np.square(away).sum(axis=2) < CLEAR * CLEAR)
+    x, y = (one[0][:, None, axis] - other[0][:, axis] for axis in (0, 1))
+    near = np.argwhere(x * x + y * y < CLEAR * CLEAR)
     pairs = {(int(one[1][i]), int(other[1][j])) for i, j in near.tolist()}
     return any(a != b and not set(lanes.predecessors[a]).intersection(lanes.predecessors[b]) for a, b in pairs)
 

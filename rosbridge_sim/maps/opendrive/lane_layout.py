@@ -176,7 +176,7 @@ def _lay_stations(road: Road, section: LaneSection, cuts: Iterable[float], cubic
     least = (a + away * (b + away * (c + away * d)))[:, 3:].min(axis=0)
     narrow = (least < NARROW) & records[2:, 3:].any(axis=0)
     bends = np.array([shape.kind != "line" for shape in road.shapes])[curved.searchsorted(inside) - 1]
-    step[bends | narrow.any(axis=0) | road.roll[:, 1:].any()] = BEND_STEP
+    step[bends | narrow.any(axis=0) | bool(np.count_nonzero(road.roll[:, 1:]))] = BEND_STEP
     count = np.ceil((high - low) / step - SHORT)
     if count.sum() * num_tables > MAX_POINTS:
         raise _too_many_points(road)
@@ -222,7 +222,7 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
     wide = widths >= NARROW
     wide[:, 1:] &= steps > SHORT
     borders = _borders(lines, layout.edge_lines[outer], layout.edge_lines[inner], np.sign(names)[:, None])
-    bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if layout.roll.any() else None
+    bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if np.count_nonzero(layout.roll) else None
     spans = []
     for first, last in pairwise(rows.tolist()):
         own = wide[:, first : last + 1]
@@ -379,9 +379,9 @@ def paint_marks(road: Road, number: int, layout: SectionLayout) -> Iterator[Bord
 
 def _between(s: FloatArray, line: FloatArray, low: float, high: float) -> FloatArray:
     """Return a part of a line with points at places `s`, with its ends exactly at two of these or between them."""
-    first, last = s.searchsorted((low + SHORT, high - SHORT)).tolist()
-    found = line[first - 1 : last + 1].copy()
-    for row, place, i in ((0, low, first), (-1, high, last)):
-        share = (place - s[i - 1]) / (s[i] - s[i - 1])
-        found[row] = line[i - 1] + share * (line[i] - line[i - 1])
+    ends = np.array([low, high])
+    at = s.searchsorted(ends + (SHORT, -SHORT))
+    found = line[at[0] - 1 : at[1] + 1].copy()
+    share = (ends - s[at - 1]) / (s[at] - s[at - 1])
+    found[[0, -1]] = line[at - 1] + share[:, None] * (line[at] - line[at - 1])
     return found

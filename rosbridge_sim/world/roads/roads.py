@@ -162,23 +162,27 @@ class Roads:
         self._rows = {name: i for i, name in enumerate(self.ids)}
         if len(self._rows) != len(self.ids):
             raise ValueError("ids: expected different names, but two lanes have the same one")
-        kept = [_is_new(line) for line in lines]
-        clean = [np.asarray(line, dtype=np.float64)[mask] for line, mask in zip(lines, kept, strict=True)]
-        short = next((i for i, line in enumerate(clean) if len(line) < 2), None)  # noqa: PLR2004  # a line's two ends
-        if short is not None:
-            raise ValueError(f"lane {self.ids[short]!r} has no length")
-        self.points = np.concatenate(clean) if clean else np.zeros((0, 3))
-        self.first = np.concatenate([[0], np.cumsum([len(line) for line in clean], dtype=np.int64)]).astype(np.int64)
+        # All lines at once: a call of numpy for each lane would hold up other threads, lane after lane.
+        points = np.concatenate([np.zeros((0, 3)), *lines])
+        lane = np.arange(num).repeat([len(line) for line in lines])
+        is_new = np.ones(len(points), dtype=bool)
+        is_new[1:] = (points[1:, :2] != points[:-1, :2]).any(axis=1) | (lane[1:] != lane[:-1])
+        count = np.bincount(lane[is_new], minlength=num)
+        short = (count < 2).nonzero()[0]  # noqa: PLR2004 - a line's two ends
+        if len(short):
+            raise ValueError(f"lane {self.ids[short[0]]!r} has no length")
+        self.points = points[is_new]
+        self.first = np.append(0, count.cumsum())
         self.width = np.array(width, dtype=np.float64)
         self.speed_limit = np.array(speed_limit, dtype=np.float64)
         self.first_successor = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
         self.successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
-        self.border = np.repeat(0.5 * self.width, np.diff(self.first))[:, None].repeat(2, axis=1)
-        for lane, distances in (borders or {}).items():
-            self.border[self.first[lane] : self.first[lane + 1]] = distances[kept[lane]]
+        self.border = (0.5 * self.width).repeat(count)[:, None].repeat(2, axis=1)
         self.bank = np.zeros((len(self.points), 2))
-        for lane, rises in (banks or {}).items():
-            self.bank[self.first[lane] : self.first[lane + 1]] = rises[kept[lane]]
+        for column, tables in ((self.border, borders), (self.bank, banks)):
+            if tables:
+                is_told = np.isin(lane, list(tables))
+                column[is_told[is_new]] = np.concatenate([tables[row] for row in sorted(tables)])[is_new[is_told]]
         height = self.points[:, 2]
         self.is_flat = not self.bank.any() and not (height != height[:1]).any()
         self._measure()
@@ -445,11 +449,3 @@ class Roads:
         if np.count_nonzero(self.bank):
             state.update(self.bank.tobytes())
         return state.digest()
-
-
-def _is_new(line: FloatArray) -> BoolArray:
-    """Return (k,) False for the points of a line that are, in the plane, where the point before them is."""
-    line = np.asarray(line, dtype=np.float64)
-    is_new = np.ones(len(line), dtype=bool)
-    is_new[1:] = (line[1:, 0] != line[:-1, 0]) | (line[1:, 1] != line[:-1, 1])
-    return is_new
