@@ -201,24 +201,23 @@ def _lengths(length: Any, keys: Sequence[str]) -> dict[str, Entry]:  # noqa: ANN
     return dict(sorted(out.items(), key=lambda item: -item[1]["length_km"]))
 
 
-def _lights(sets: _Sets, plan: SignalPlan | None) -> Entry:
+def _lights(sets: _Sets, plan: SignalPlan) -> Entry:
     def lamps(entry: Entry) -> str:
         sub_type = entry.get("sub_type")
         return ", ".join(map(str, sub_type)) if isinstance(sub_type, list) else _text(sub_type)
 
     return {
-        "num": len(plan.lights) if plan else 0,
+        "num": len(plan.lights),
         "by_type": _count(_text(entry.get("type")) for entry in sets.lights),
         "by_sub_type": _count(lamps(entry) for entry in sets.lights),
-        "by_type_on_the_wire": _count(str(light_type(light)) for light in (plan.lights if plan else ())),
+        "by_type_on_the_wire": _count(str(light_type(light)) for light in plan.lights),
         "num_groups": len(sets.synced),
     }
 
 
-def _controllers(plan: SignalPlan | None) -> Iterator[Entry]:
+def _controllers(plan: SignalPlan) -> Iterator[Entry]:
     """Yield each intersection with its schedule [s]."""
-    for i, controller in enumerate(plan.controllers if plan else ()):
-        assert plan is not None
+    for i, controller in enumerate(plan.controllers):
         yield {
             "name": controller.name,
             "number": controller.number,
@@ -298,12 +297,11 @@ def _gaps_of_lights(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[
     roads, plan = road_map.roads, road_map.plan
     lights, links = set(map(_name, sets.lights)), set(map(_name, sets.links))
     yield "lights with a link that is not there", _lacking(sets.lights, "link_id_list", links)
-    if plan is not None:
-        without = [light.name for light in plan.lights if not light.is_pedestrian and not light.lanes]
-        yield "lights for vehicles that serve no lane", without
-        is_free = (plan.controller[plan.group] < 0) & ~plan.is_warning
-        yield "lights that no intersection runs", [plan.lights[row].name for row in np.flatnonzero(is_free).tolist()]
-    is_dark = np.ones(len(roads), dtype=bool) if plan is None else plan.light_of_lane < 0
+    without = [light.name for light in plan.lights if not light.is_pedestrian and not light.lanes]
+    yield "lights for vehicles that serve no lane", without
+    is_free = (plan.controller[plan.group] < 0) & ~plan.is_warning
+    yield "lights that no intersection runs", [plan.lights[row].name for row in np.flatnonzero(is_free).tolist()]
+    is_dark = plan.light_of_lane < 0
     ends = np.flatnonzero(roads.is_stop).tolist()
     yield (
         "lanes to a stop line without a light",
@@ -312,9 +310,8 @@ def _gaps_of_lights(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[
     yield "groups with a light that is not there", _lacking(sets.synced, "signal_id_list", lights)
     flat = [{"idx": _name(one), "TL": [name for group in one["TL"] for name in group]} for one in sets.controllers]
     yield "intersection controllers with a light that is not there", _lacking(flat, "TL", lights)
-    controllers = plan.controllers if plan is not None else ()
-    yield "intersection controllers without a schedule", [one.name for one in controllers if not one.phases]
-    run = {one.name for one in controllers}
+    yield "intersection controllers without a schedule", [one.name for one in plan.controllers if not one.phases]
+    run = {one.name for one in plan.controllers}
     yield (
         "schedules without an intersection controller",
         [_name(one) for one in sets.schedules if _name(one) not in run],

@@ -78,7 +78,7 @@ def read_mgeo(files: Mapping[str, bytes], source: str) -> RoadMap:
     markings, signs = read_markings(known, notes), read_signs(known, notes)
     return RoadMap(
         *(name, projection, origin, lanes.roads),
-        plan=plan if plan.lights else None,
+        plan=plan,
         crosswalks=crosswalks,
         notes=tuple(_short(notes)),
         borders=lanes.borders,

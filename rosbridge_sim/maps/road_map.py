@@ -146,7 +146,7 @@ class RoadMap:
         projection: of its plane coordinates; `NO_PROJECTION` if the map does not tell.
         origin: east, north and up of the map's (0, 0, 0) in that projection [m].
         roads: its lanes, in the order of the file.
-        plan: its traffic lights; None if it has none.
+        plan: its traffic lights; None given stands for a plan of no lights.
         borders: painted lines and kerbs.
         markings: what is painted on the roads beside lines and crosswalks.
         signs: traffic signs.
@@ -158,7 +158,7 @@ class RoadMap:
     projection: Projection
     origin: tuple[float, float, float]
     roads: Roads
-    plan: SignalPlan | None = None
+    plan: SignalPlan = None  # type: ignore[assignment] # `__post_init__` makes one
     crosswalks: tuple[Crosswalk, ...] = ()
     notes: tuple[str, ...] = ()
     borders: tuple[Border, ...] = ()
@@ -166,17 +166,21 @@ class RoadMap:
     signs: tuple[Sign, ...] = ()
     positions: RoadPositions | None = None
 
+    def __post_init__(self) -> None:
+        if self.plan is None:
+            object.__setattr__(self, "plan", SignalPlan(self.roads))
+
     def find_inside(self) -> BoolArray:
         """Return which lanes lie within an intersection: behind a stop line, or controlled by lights; (lanes,)."""
         roads, is_inside = self.roads, np.zeros(len(self.roads), dtype=bool)
         is_inside[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
-        return is_inside if self.plan is None else is_inside | (self.plan.controller_of_lane >= 0)
+        return is_inside | (self.plan.controller_of_lane >= 0)
 
     @cached_property
     def digest(self) -> bytes:
         """16 bytes that stand for all of the map that decides what a simulator does."""
         state = blake2b(repr((self.name, self.projection, self.origin)).encode(), digest_size=16)
         state.update(self.roads.digest)
-        if self.plan is not None:
+        if self.plan.lights:
             state.update(self.plan.digest)
         return state.digest()

@@ -58,16 +58,14 @@ def set_signal_plan(road_map: RoadMap, content: bytes, source: str) -> RoadMap:
     """
     document = read_document(_PLAN, content, source, MAX_PLAN_BYTES)
     plan = road_map.plan
-    rows = {} if plan is None else {one.name: row for row, one in enumerate(plan.controllers)}
-    controllers = [] if plan is None else list(plan.controllers)
+    rows = {one.name: row for row, one in enumerate(plan.controllers)}
+    controllers = list(plan.controllers)
     for name, junction in document.junctions.items():
         where = f"{source}: junctions.{name}"
-        if plan is None or name not in rows:
+        if name not in rows:
             known = listing(rows) if rows else "none: the map has no traffic lights"
             raise DocumentError(f"{where}: expected a junction with lights, one of {known}{hint(name, rows)}")
         controllers[rows[name]] = _make_controller(plan, controllers[rows[name]], junction, where)
-    if plan is None:
-        return road_map
     made = plan.with_controllers(road_map.roads, controllers)
     note = f"{source} has the plan of {len(document.junctions):,} junctions"
     return replace(road_map, plan=made, notes=(*road_map.notes, note))

@@ -116,7 +116,7 @@ def check_places(story: Story, road_map: RoadMap) -> None:
         DocumentError: it has not; the text has the place in the document.
     """
     story_map = StoryMap.of(road_map)
-    lights = [] if road_map.plan is None else [light.name for light in road_map.plan.lights]
+    lights = [light.name for light in road_map.plan.lights]
 
     def find(name: str) -> tuple[MapPlace, OnLane]:
         raise DocumentError(f"no place of {name}")

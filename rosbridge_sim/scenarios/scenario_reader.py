@@ -201,19 +201,19 @@ def _all(items: Iterable[T], work: Callable[[T], R], notify: OnMistake) -> Itera
             notify(error)
 
 
-def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[PhaseStart, ...], list[str]]:
+def sort_phases(scenario: Scenario, plan: SignalPlan) -> tuple[tuple[PhaseStart, ...], list[str]]:
     """Sort the phases of a scenario into those that a map's lights have, and others.
 
     An `index` that is a whole number below the number of the map's controllers is a position, as in MORAI's files. Any
     other text is a controller's id. If it could be both, the position is used, and a line tells so.
 
     Args:
-        plan: of the map's lights; None if it has none.
+        plan: of the map's lights.
 
     Returns:
         The phases that the map has, with ids of controllers; and a line for the log about each other one.
     """
-    controllers = plan.controllers if plan else ()
+    controllers = plan.controllers
     num_phases = {controller.name: len(controller.phases) for controller in controllers}
     known = []
     lines = []

@@ -163,7 +163,7 @@ class RemoteWorlds(SteppedWorlds):
             road_map = self._library.map(name)
             if road_map.digest != digest:
                 raise DocumentError(f"map {name[:80]!r}: the server has another one than this program")
-            self._maps[name, digest] = road_map, road_map.plan or SignalPlan(road_map.roads)
+            self._maps[name, digest] = road_map, road_map.plan
         road_map, plan = self._maps[name, digest]
         self._found = FoundMap(name, road_map)
         try:

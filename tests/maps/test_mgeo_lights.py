@@ -59,7 +59,6 @@ NO_CONTROLLER = "schedule 'IntTL13': the map has no such intersection controller
 
 def test_lights_without_groups_have_no_schedule() -> None:
     tiny = read(KOREAN)
-    assert tiny.plan is not None
     assert shown(tiny.plan, 0.0, 100.0) == [[UNSET, Y, UNSET, UNSET]] * 2
     assert tiny.notes == (
         "the set of intersection controllers is empty; no group and schedule runs a light instead",
@@ -118,7 +117,6 @@ def test_missing_controller_is_derived_from_the_groups() -> None:
     files = dict(ROADRUNNER)
     files["intersection_controller_set.json"] = [{"idx": "IntTL99", "TL": []}]
     tiny = read(files)
-    assert tiny.plan is not None
     assert shown(tiny.plan, 13.0) == [[R, Y, L, R]]
     assert THEY_ARE_NAMED in tiny.notes
 
@@ -126,13 +124,12 @@ def test_missing_controller_is_derived_from_the_groups() -> None:
 def test_too_few_pedestrian_names_are_ignored() -> None:
     tiny = read(without_controllers({"PSState": [[1, "SSN000002", 1, 3, 1.5]]}))
     assert tiny.notes[1] == f"{NO_CONTROLLER} and no group of lights that the schedule names; it runs nothing"
-    assert tiny.plan is not None
     assert shown(tiny.plan, 13.0) == [[UNSET, Y, UNSET, UNSET]]
 
 
 def test_schedule_without_lights_is_read() -> None:
     tiny = read({**ROADRUNNER, "traffic_light_set.json": []})
-    assert tiny.plan is None
+    assert not tiny.plan.lights
 
 
 def test_group_file_may_contain_the_schedule() -> None:
@@ -170,11 +167,11 @@ def test_synced_lights_form_a_group_without_a_controller() -> None:
 @pytest.mark.parametrize("missing", [name for name in ROADRUNNER if "light" in name or "controller" in name])
 def test_every_light_file_is_optional(missing: str) -> None:
     tiny = read({name: value for name, value in ROADRUNNER.items() if name != missing})
-    assert (tiny.plan is None) == (missing == "traffic_light_set.json")
+    assert (not tiny.plan.lights) == (missing == "traffic_light_set.json")
 
 
 def test_map_without_lights_has_no_signal_plan() -> None:
-    assert read({**ROADRUNNER, "traffic_light_set.json": []}).plan is None
+    assert read({**ROADRUNNER, "traffic_light_set.json": []}).plan.lights == ()
 
 
 def schedule(**changes: Any) -> Files:  # noqa: ANN401 - keys of a schedule
@@ -209,7 +206,6 @@ def test_number_of_notes_is_bounded() -> None:
 
 def test_duplicate_light_counts_once() -> None:
     tiny = read({**ROADRUNNER, "traffic_light_set.json": [*ROADRUNNER["traffic_light_set.json"], light("C1", ["B2D"])]})
-    assert tiny.plan is not None
     assert len(tiny.plan.lights) == 4
     assert tiny.notes == ("traffic light 'C1' is listed twice; the first one is used",)
 

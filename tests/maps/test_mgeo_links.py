@@ -146,7 +146,6 @@ def test_links_that_are_no_roads_are_not_lanes(kind: str) -> None:
     assert [roads.successors(i).tolist() for i in range(4)] == [[2], [3], [], []], "no lane leads onto it"
     word = kind.strip().lower()
     assert road_map.notes == (f"links of type {word} are no road for vehicles and left out: 1 (B2C2)",)
-    assert road_map.plan is not None
     assert road_map.plan.lights[0].lanes == (2,), "its lights serve the other lane"
 
 

@@ -20,7 +20,6 @@ SCENES = Path(__file__).resolve().parents[2] / "rosbridge_sim" / "data" / "scena
 def crossings_of(scene: str, map_name: str) -> list[Crossings]:
     """The crossings of each pedestrian of a scene that heeds the traffic."""
     road_map = built_in(map_name)
-    assert road_map.plan is not None
     scenario = read_scenario((SCENES / f"{scene}.json").read_bytes(), f"{scene}.json")
     paths = [(spawn.path, spawn.is_loop) for spawn in scenario.pedestrians if spawn.yields and spawn.path is not None]
     return [

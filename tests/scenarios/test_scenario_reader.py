@@ -433,7 +433,7 @@ def test_unknown_phase_is_a_remark() -> None:
         (),
         [f"no intersection 'IntTL1 (index 0)' has a phase {n}; the entry is ignored" for n in (7, -1)],
     )
-    assert sort_phases(scenario, None)[0] == ()
+    assert sort_phases(scenario, SignalPlan(Roads()))[0] == ()
 
 
 @pytest.mark.parametrize(("yaw", "meant"), [("190", -170.0), (-180, 180.0), (540, 180.0), ("1,080.5", 0.5)])

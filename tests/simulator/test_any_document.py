@@ -106,8 +106,7 @@ def survey(files: dict[str, bytes]) -> bool:
     Georeference().locate(road_map, 1.0, 2.0)
     if len(road_map.roads):
         road_map.roads.nearest([0.0], [0.0], [0.0])
-    if road_map.plan is not None:
-        Signals(road_map.plan).show(1_000)
+    Signals(road_map.plan).show(1_000)
     return True
 
 

@@ -322,7 +322,7 @@ def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> 
     return {
         **account,
         "lanes": len(road_map.roads),
-        "lights": len(road_map.plan.lights) if road_map.plan else 0,
+        "lights": len(road_map.plan.lights),
     }, road_map
 
 

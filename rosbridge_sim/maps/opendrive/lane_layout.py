@@ -380,7 +380,7 @@ def paint_marks(road: Road, number: int, layout: SectionLayout) -> Iterator[Bord
 def _between(s: FloatArray, line: FloatArray, low: float, high: float) -> FloatArray:
     """Return a part of a line with points at places `s`, with its ends exactly at two of these or between them."""
     ends = np.array([low, high])
-    at = s.searchsorted(ends + (SHORT, -SHORT))
+    at = s.searchsorted([low + SHORT, high - SHORT])
     found = line[at[0] - 1 : at[1] + 1].copy()
     share = (ends - s[at - 1]) / (s[at] - s[at - 1])
     found[[0, -1]] = line[at - 1] + share[:, None] * (line[at] - line[at - 1])

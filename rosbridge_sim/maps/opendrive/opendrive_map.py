@@ -149,7 +149,7 @@ class _Reading:
         if not roads.is_flat:
             roads.derived(Surface)  # here and not at the first step: a large map needs a second
         signals = read_signals(lanes)
-        plan = plan_signals(roads, lanes, signals, self._controllers) if signals.lights else None
+        plan = plan_signals(roads, lanes, signals, self._controllers)
         self._note_signals(signals, plan)
         spans = [RoadSpan(one.road, one.lane, one.s, one.aside) for one in pieces]
         return RoadMap(
@@ -214,8 +214,8 @@ class _Reading:
             elif name and name not in laid:
                 self._narrow.append(f"{road.id}.{number}.{name}")
 
-    def _note_signals(self, signals: SignalsRead, plan: SignalPlan | None) -> None:
-        if plan is not None:
+    def _note_signals(self, signals: SignalsRead, plan: SignalPlan) -> None:
+        if plan.lights:
             num = len(plan.controllers)
             self._notes.append(f"OpenDRIVE has no times of lights: {num:,} junctions with lights have a default plan")
         if signals.kinds:

@@ -80,7 +80,7 @@ def make_signal_plan(controllers: Mapping[str, StoryItem], road_map: RoadMap) ->
     Raises:
         DocumentError: the map has no such light. The text has file and line.
     """
-    plan = road_map.plan or SignalPlan(road_map.roads)
+    plan = road_map.plan
     if not controllers:
         return plan
     rows = {light.name: row for row, light in enumerate(plan.lights)}

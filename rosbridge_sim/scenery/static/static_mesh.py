@@ -64,4 +64,4 @@ def origin_of(roads: Roads) -> FloatArray:
 
 
 def _lights(road_map: RoadMap) -> tuple[Light, ...]:
-    return road_map.plan.lights if road_map.plan is not None else ()
+    return road_map.plan.lights

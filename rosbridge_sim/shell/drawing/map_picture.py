@@ -309,7 +309,7 @@ def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> No
     """Draw each light with its direction, and a line to the lanes that it controls."""
     size = min(max(1.6, 8.0 * FINE / view.scale), 6.0)  # visible, but does not hide the crossing
     roads = road_map.roads
-    for light in road_map.plan.lights if road_map.plan else ():
+    for light in road_map.plan.lights:
         colour = WALK_LIGHT if light.is_pedestrian else WARNING_LIGHT if light.is_warning else CAR_LIGHT
         at = np.array([light.x, light.y])
         starts = {tuple(_line_of(roads, lane)[0, :2].tolist()) for lane in light.lanes}
@@ -435,7 +435,7 @@ def _legend(road_map: RoadMap, kinds: set[str]) -> Iterator[tuple[str, str]]:
         yield STOP, "stop line"
     if road_map.crosswalks:
         yield STRIPES, "crosswalk"
-    lights = road_map.plan.lights if road_map.plan else ()
+    lights = road_map.plan.lights
     if any(not light.is_pedestrian and not light.is_warning for light in lights):
         yield CAR_LIGHT, "light"
     if any(light.is_pedestrian for light in lights):

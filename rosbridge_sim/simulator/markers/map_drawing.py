@@ -69,8 +69,7 @@ class MapDrawing:
             page_points: see `PAGE_POINTS`.
         """
         self._map = road_map
-        plan = road_map.plan or SignalPlan(road_map.roads)
-        self._plan = plan
+        self._plan = plan = road_map.plan
         self._stops = np.flatnonzero(road_map.roads.is_stop).tolist()
         self._groups = _groups_of(plan)
         # All types are looked up here: `write_json` runs in a thread, and the store may make a type when it is asked.

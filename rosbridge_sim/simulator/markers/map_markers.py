@@ -240,7 +240,7 @@ def _stripes(outline: FloatArray) -> FloatArray:
 def _posts(road_map: RoadMap) -> FloatArray:
     """Return foot and head of each light's post, (2k, 3) [m]."""
     plan, roads = road_map.plan, road_map.roads
-    if plan is None or not plan.lights:
+    if not plan.lights:
         return np.empty((0, 3))
     heads = [(light.x, light.y, lamp_height(light, roads)) for light in plan.lights]
     feet = [(light.x, light.y, _ground(light, roads)) for light in plan.lights]

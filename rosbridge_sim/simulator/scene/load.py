@@ -151,7 +151,7 @@ class Load:
             DocumentError: the map has no light that the story controls.
         """
         if self.story is None:
-            return self.road_map.plan or SignalPlan(self.road_map.roads)
+            return self.road_map.plan
         from rosbridge_sim.scenarios.openscenario.story_signals import make_signal_plan  # noqa: PLC0415 - few scenes have a story
 
         return make_signal_plan(self.story.controllers, self.road_map)

@@ -36,7 +36,6 @@ from rosbridge_sim.simulator.scene.load import FoundMap, Load, MapKey
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneAction, SceneCommand
 from rosbridge_sim.simulator.snapshots.saved_loads import Maps, pack_action, unpack_action, unpack_load
 from rosbridge_sim.simulator.snapshots.snapshot_checks import check_egos, check_numbers
-from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.world import Snapshot, World
 
@@ -218,7 +217,7 @@ class NodeState:
         road_map = maps(key)
         known = [self._context.scene.loaded]
         loaded = unpack_load(fields.get("loaded"), maps, known)
-        plan = loaded.plan if loaded.road_map is road_map else road_map.plan or SignalPlan(road_map.roads)
+        plan = (loaded if loaded.road_map is road_map else road_map).plan
         try:
             world = from_plain(fields.get("world"), road_map.roads, plan)
         except (ValueError, TypeError) as error:

@@ -189,9 +189,7 @@ def check_load(load: Load) -> None:
             and -MAX_LATERAL <= point.lateral[0] <= point.lateral[1] <= MAX_LATERAL
         ):
             raise DocumentError("load.spawn_points: expected places and times within their bounds")
-    phases: dict[str, int] = {}
-    if plan is not None:
-        phases = {one.name: int(num) for one, num in zip(plan.controllers, plan.num_phases, strict=True)}
+    phases = {one.name: int(num) for one, num in zip(plan.controllers, plan.num_phases, strict=True)}
     for start in load.phases:
         if not (0 <= start.phase < phases.get(start.controller, 0) and 0.0 <= start.elapsed <= MAX_COORDINATE):
             raise DocumentError("load.phases: expected phases of the map's intersections")

@@ -120,7 +120,6 @@ def test_a_delay_shifts_a_controller_behind_the_one_it_refers_to() -> None:
 
 def test_lights_that_the_story_does_not_name_keep_their_plan() -> None:
     road_map = lanes()
-    assert road_map.plan is not None
     own = Controller("own", 4, ((0,), (1,)), (Phase(50, (Lamp.RED, Lamp.LEFT)),), (0, 0))
     road_map = replace(road_map, plan=road_map.plan.with_controllers(road_map.roads, [own]))
     story_ = scenario_of(with_signals(story(EGO), controller("c", phase("p", 1, light="green")))).story
