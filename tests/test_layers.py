@@ -208,7 +208,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "documents": {"msgspec"},
     "document_mistakes": {"msgspec", "pydantic", "pydantic_core"},
     "document_reading": {"msgspec"},
-    "xml_documents": set(),
+    "xml_documents": {"msgspec"},
     "errors": set(),
     "loose_types": set(),
     "printable": set(),
