@@ -105,7 +105,7 @@ simulator.replays: * graph morai.messages scenarios schema simulator.bus simulat
 simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain
     simulator.scene world.drivers world.geometry world.lane_changes world.state
 simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.kernel
-    simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
+    simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.state
 simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel
     simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
     simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.story
