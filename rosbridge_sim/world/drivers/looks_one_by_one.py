@@ -16,6 +16,7 @@ from rosbridge_sim.world.drivers.right_of_way import Requests
 from rosbridge_sim.world.drivers.rule_operators import written
 from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.roads.lane_conflicts import MIN_SAFE_SPEED, LaneConflicts, foresight
+from rosbridge_sim.world.roads.roads import Roads
 
 
 def look_one_by_one(
@@ -31,11 +32,16 @@ def look_one_by_one(
     looks = _Looks(conflicts, may_enter, drivers, queue, requests)
     parameters, num = drivers.parameters, len(drivers.arc)
     columns = (
-        *(drivers.arc, drivers.speed, drivers.accel, drivers.nose, drivers.lateral, parameters.speed_factor),
-        *(parameters.accel, parameters.comfort, parameters.headway, parameters.reaction),
-        *(foresight(drivers.speed, parameters.reaction), drivers.point, drivers.claim, drivers.held, drivers.lanes.T),
+        *(drivers.speed, drivers.accel, drivers.nose, drivers.lateral, parameters.speed_factor, parameters.accel),
+        *(parameters.comfort, parameters.headway, parameters.reaction, drivers.arc),
     )
-    rows = enumerate(zip(*[column.tolist() for column in columns], strict=True))
+    speed, accel, nose, *others, comfort, headway, reaction, arc = (column.tolist() for column in columns)
+    start, _, limit, limit_slope, _, bend, bend_slope = conflicts.speeds_ahead.take(drivers.point, 0).T.tolist()
+    here = start, limit, limit_slope, bend, bend_slope
+    foreseen = map(written(foresee, 15), speed, accel, nose, *others, comfort, headway, reaction, arc, *here)
+    reach, codes = foresight(drivers.speed, parameters.reaction), (drivers.claim, drivers.held, drivers.lanes.T)
+    place = reach.tolist(), *(column.tolist() for column in codes)
+    rows = enumerate(zip(arc, speed, accel, nose, comfort, reaction, *place, foreseen, strict=True))
     gap, lead_at, stop_distance, square = zip(*[looks.look(i, *row) for i, row in rows], strict=True)
     lead, gaps = np.array(lead_at), np.array(gap)
     slow = looks.find_slow(lead_at, drivers)
@@ -53,20 +59,36 @@ def look_one_by_one(
     )
 
 
+class _LaneRows(dict[int, tuple[float, ...]]):
+    """The numbers of lanes that somebody has looked at; get it by `roads.derived`.
+
+    These are the length and the wait point [m], and those of `slow_down` at the start.
+    """
+
+    def __init__(self, roads: Roads) -> None:
+        super().__init__()
+        self._roads, self._conflicts = roads, roads.derived(LaneConflicts)
+
+    def __missing__(self, lane: int) -> tuple[float, ...]:
+        roads, conflicts = self._roads, self._conflicts
+        _, limit, least_limit, _, bend, least_bend, _ = conflicts.speeds_ahead[roads.first[lane]].tolist()
+        length, wait_point = roads.length.item(lane), conflicts.wait_point.item(lane)
+        self[lane] = length, wait_point, limit, least_limit, bend, least_bend
+        return self[lane]
+
+
 class _Looks:
     """Looks of single drivers, and the numbers that they read."""
 
     def __init__(
         self, conflicts: LaneConflicts, may_enter: BoolArray, drivers: Drivers, queue: EntryQueue, requests: Requests
     ) -> None:
-        roads = conflicts.roads
-        self._foresee, self._slow_down = written(foresee, 15), written(slow_down, 10)
-        self._firm_stop = written(firm_stop, 3)
-        self._length, self._first, self._wait_point = roads.length.data, roads.first.data, conflicts.wait_point.data
-        self._speeds, self._may_enter = conflicts.speeds_ahead.data, may_enter.data
+        self._lanes: _LaneRows = conflicts.roads.derived(_LaneRows)
+        self._slow_down, self._firm_stop = written(slow_down, 10), written(firm_stop, 3)
+        self._may_enter, self._requests, self._claim = may_enter.data, requests, drivers.claim.data
         self._num, self._position = queue.num, queue.position.data
         self._lane, self._tail, self._first_on = queue.lane.data, queue.tail.data, queue.first.data
-        self._queue, self._requests, self._claim = queue, requests, drivers.claim.data
+        self._speed, self._source = queue.speed.data, queue.source.data
 
     def look(  # noqa: PLR0917 - numbers of one driver
         self,
@@ -75,33 +97,28 @@ class _Looks:
         speed: float,
         accel: float,
         nose: float,
-        lateral: float,
-        factor: float,
-        own_accel: float,
         comfort: float,
-        headway: float,
         reaction: float,
         reach: float,
-        point: int,
         claim: int,
         held: int,
         lanes: list[int],
+        foreseen: tuple[float, ...],
     ) -> tuple[float, int, float, float]:
         """Return the gap ahead of driver `i`, where its lead vehicle is in the queue, its stop and its safe square."""
-        speeds, wait_point, tail, lane = self._speeds, self._wait_point, self._tail, lanes[0]
+        tail, lane = self._tail, lanes[0]
         lead = self._position[i] + 1
         if self._lane[lead] != lane:
             lead = self._num
         gap = tail[lead] - arc - nose
-        here = speeds[point, 0], speeds[point, 2], speeds[point, 3], speeds[point, 5], speeds[point, 6]
-        mine = speed, accel, nose, lateral, factor, own_accel, comfort, headway, reaction, arc
-        horizon, stop_way, limit_factor, bend_factor, surplus, square = self._foresee(*mine, *here)
-        to_wait = wait_point[lane] - arc - nose
+        horizon, stop_way, limit_factor, bend_factor, surplus, square = foreseen
+        length, wait_point, *_ = self._lanes[lane]
+        to_wait = wait_point - arc - nose
         # It asks for its own lane where that crosses others only farther on, beyond its wait point.
         asks = 0.0 < to_wait < math.inf and held != lane and (claim != lane or to_wait > stop_way)
         if asks:
             claim = self._ask(i, claim, lane, lanes[1], to_wait)
-        stop, distance = math.inf, self._length[lane] - arc
+        stop, distance = math.inf, length - arc
         held_at = self._find_held(held, lanes, nose - distance) if held >= 0 and nose >= distance else 0
         for part in range(1, len(lanes)):
             if distance >= horizon:
@@ -114,17 +131,16 @@ class _Looks:
                 stop = min(stop, to_line)
                 if claim == lane:
                     claim = self._claim[i] = -1
-            to_wait = to_line + wait_point[lane]
+            length, wait_point, *there = self._lanes[lane]
+            to_wait = to_line + wait_point
             if part > held_at and to_wait < math.inf == stop and not asks and (claim != lane or to_wait > stop_way):
                 asks, exit_lane = True, lanes[part + 1] if part + 1 < len(lanes) else -1
                 claim = self._ask(i, claim, lane, exit_lane, to_wait)
-            at = self._first[lane]
-            there = speeds[at, 1], speeds[at, 2], speeds[at, 4], speeds[at, 5]
             square = min(square, *self._slow_down(distance, reach, comfort, limit_factor, bend_factor, surplus, *there))
             if gap == math.inf:
                 lead = self._first_on[lane]
                 gap = distance + tail[lead] - nose
-            distance += self._length[lane]
+            distance += length
         return gap, lead, stop, square
 
     def _find_held(self, held: int, lanes: list[int], beyond: float) -> int:
@@ -134,7 +150,7 @@ class _Looks:
             if lane < 0 or beyond < 0.0:
                 break
             place = i if lane == held else place
-            beyond -= self._length[lane]
+            beyond -= self._lanes[lane][0]
         return place
 
     def _ask(self, i: int, claim: int, lane: int, exit_lane: int, distance: float) -> int:
@@ -149,12 +165,12 @@ class _Looks:
     def find_slow(self, lead_at: tuple[int, ...], drivers: Drivers) -> list[int]:
         """Return the drivers that mind the vehicle ahead of their lead vehicle."""
         leaving = () if drivers.leaving is None else drivers.leaving.source.tolist()
-        lane, speed, source, found = self._lane, self._queue.speed, self._queue.source, []
+        lane, speed, source, own_speed, found = self._lane, self._speed, self._source, drivers.speed.data, []
         for i, lead in enumerate(lead_at):
             if (
                 lead < self._num
                 and lane[lead + 1] == lane[lead]
-                and (drivers.speed[i] - speed[lead + 1] > MUCH_SLOWER or source[lead] in leaving)
+                and (own_speed[i] - speed[lead + 1] > MUCH_SLOWER or source[lead] in leaving)
             ):
                 found.append(i)
         return found

@@ -19,8 +19,6 @@ from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOpe
 V = TypeVar("V", Term, FloatArray)
 """A number of one driver, or one number for each driver."""
 
-_NO_CELL: Final = np.empty(1)
-
 
 class RuleOperators(Protocol[V]):
     """Functions that differ for terms and arrays; the results have the same bits."""
@@ -59,5 +57,4 @@ def written(rule: Callable[..., Any], num: int) -> Callable[..., tuple[float, ..
     """
     script = Script(num)
     results = rule(WrittenOperators(script, is_any=True), *script.given)
-    function = script.compile(results if isinstance(results, Sequence) else (results,))
-    return lambda *given: function(given, _NO_CELL)
+    return script.compile_rule(results if isinstance(results, Sequence) else (results,))

@@ -87,11 +87,19 @@ class Script:
         It takes the numbers of `given` and an array of one number, which it uses meanwhile; it returns the numbers of
         `results`. The array is the caller's, so that worlds in several threads can share the function.
         """
-        lines = [*self.lines, f"return {', '.join(term.name for term in results)},"]
-        source = "def function(given, cell):\n" + "".join(f"    {line}\n" for line in lines)
+        function: Callable[[Sequence[float], FloatArray], tuple[float, ...]] = self._make("given, cell", 0, results)
+        return function
+
+    def compile_rule(self, results: Sequence[Term]) -> Callable[..., tuple[float, ...]]:
+        """Return a function that takes the numbers of `given` one by one, for lines without functions of numpy."""
+        return self._make(", ".join(term.name for term in self.given), 1, results)
+
+    def _make(self, parameters: str, begin: int, results: Sequence[Term]) -> Callable[..., tuple[float, ...]]:
+        lines = [*self.lines[begin:], f"return {', '.join(term.name for term in results)},"]
+        source = f"def function({parameters}):\n" + "".join(f"    {line}\n" for line in lines)
         space: dict[str, Any] = {"sin": np.sin, "cos": np.cos, "arctan": np.arctan, "sqrt": math.sqrt, "wrap": _wrap}
         exec(compile(source, f"<equations of {len(self.given)} numbers>", "exec"), space)  # noqa: S102 - our own lines
-        function: Callable[[Sequence[float], FloatArray], tuple[float, ...]] = space["function"]
+        function: Callable[..., tuple[float, ...]] = space["function"]
         return function
 
 
