@@ -119,7 +119,7 @@ class CollisionDetector:
         self._rows = rows[self._uid[rows].argsort()]
         # Radius around the reference point that holds the box at any yaw.
         self._reach = np.maximum(np.hypot(world.half_length + np.abs(world.centre), world.half_width), TOUCHING)
-        is_car = world.kind[self._rows] <= Kind.VEHICLE
+        is_car = world.kind[self._rows] <= int(Kind.VEHICLE)
         # A small world needs no cells: each entity with each one after it.
         is_small = len(rows) <= MAX_PAIRWISE and self._world_of_row is None
         self._may_meet = np.triu(is_car[:, None] | is_car, 1) if is_small else None
@@ -290,7 +290,7 @@ class CollisionDetector:
             apart = np.abs(place[line].take(one) - place[line].take(other))
             near = (apart <= span[line].take(one) + span[line].take(other)).nonzero()[0]
             one, other = one.take(near), other.take(near)
-        is_car = (self._world.kind[at] <= Kind.VEHICLE)[index]
+        is_car = (self._world.kind[at] <= int(Kind.VEHICLE))[index]
         near = (is_car.take(one) | is_car.take(other)).nonzero()[0]
         one, other = one.take(near), other.take(near)
         key = np.minimum(one, other) * len(index) + np.maximum(one, other)
@@ -457,7 +457,7 @@ def find_crashes(world: WorldRows, most: int) -> IntArray:
     rows = world.alive.nonzero()[0]
     rows = rows[world.uid[rows].argsort()]
     found = rows[world.uid[rows].searchsorted(pairs)]
-    return np.asarray(found[(world.kind[found] == Kind.VEHICLE).all(axis=1)][:most])
+    return np.asarray(found[(world.kind[found] == int(Kind.VEHICLE)).all(axis=1)][:most])
 
 
 def _unit(yaw: FloatArray) -> ComplexArray:

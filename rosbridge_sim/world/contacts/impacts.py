@@ -129,7 +129,7 @@ def slide(world: WorldRows, dt: float) -> None:
     change = (new[0] - old[0]) / dt, (new[1] - old[1]) / dt
     world.accel[rows] = change[0] * cos + change[1] * sin
     world.lateral_accel[rows] = change[1] * cos - change[0] * sin
-    egos = (world.kind[rows] == Kind.EGO).nonzero()[0]
+    egos = (world.kind[rows] == int(Kind.EGO)).nonzero()[0]
     if len(egos):
         world.yaw_accel[rows[egos]] = (rate - r)[egos] / dt
         caught = egos[np.abs(rate[egos]) < SPIN_END]
@@ -256,12 +256,12 @@ class _Crash:
 
 def _find_solid(world: WorldRows) -> BoolArray:
     """Return which rows stop others, (n,)."""
-    return np.asarray(world.alive & ~world.is_ghost & (world.kind != Kind.PEDESTRIAN))
+    return np.asarray(world.alive & ~world.is_ghost & (world.kind != int(Kind.PEDESTRIAN)))
 
 
 def _find_free(world: WorldRows) -> BoolArray:
     """Return which rows an impulse moves, (n,)."""
-    is_free = (world.kind == Kind.EGO) | world.has_lane | (world.loose > 0.0)
+    is_free = (world.kind == int(Kind.EGO)) | world.has_lane | (world.loose > 0.0)
     return np.asarray(world.alive & ~world.is_ghost & is_free)
 
 

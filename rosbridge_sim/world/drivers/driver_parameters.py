@@ -153,7 +153,7 @@ class DriverParameters:
         """
         kinds = classes_of(2.0 * world.half_length[rows], 2.0 * world.half_width[rows], world.height[rows])
         salt = world.salts(rows)
-        varies = np.where(world.kind[rows] == Kind.EGO, 0.0, 1.0)
+        varies = np.where(world.kind[rows] == int(Kind.EGO), 0.0, 1.0)
         columns = []
         for question, each in enumerate(fields(cls)):
             mean, deviation, least, most = _TABLES[each.name].take(kinds, axis=1)

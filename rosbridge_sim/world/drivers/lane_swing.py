@@ -53,7 +53,7 @@ ROUNDS: Final = 2
 def find_long(world: WorldRows, rows: IntArray) -> IntArray:
     """Return which of some lane followers are long enough to swing, (m,) int64 indices; `latBias` has none of it."""
     is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
-    is_one: BoolArray = is_long & (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0)
+    is_one: BoolArray = is_long & (world.kind[rows] == int(Kind.VEHICLE)) & (world.lateral_bias[rows] == 0.0)
     return is_one.nonzero()[0]
 
 

@@ -96,7 +96,7 @@ class LaneWander:
 
     def __init__(self, world: WorldRows, rows: IntArray) -> None:
         self._world = world
-        may = (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0)
+        may = (world.kind[rows] == int(Kind.VEHICLE)) & (world.lateral_bias[rows] == 0.0)
         self.which = (may & (world.wander_width[rows] > 0.0)).nonzero()[0]
         mine = rows[self.which]
         is_run = len(mine) > 0 and int(mine[-1]) - int(mine[0]) + 1 == len(mine)

@@ -63,10 +63,10 @@ class _Careful:
 
     def __init__(self, world: WorldRows) -> None:
         self.world = world
-        is_one = world.alive & (world.kind == Kind.VEHICLE) & world.has_path & (world.yields > 0) & ~world.is_ghost
+        is_one = world.alive & (world.kind == int(Kind.VEHICLE)) & world.has_path & (world.yields > 0) & ~world.is_ghost
         self.rows: IntArray = (is_one & (world.start_within == 0.0)).nonzero()[0]
         self.bodies: IntArray = world.alive.nonzero()[0]
-        margin = np.where(world.kind == Kind.PEDESTRIAN, PERSON_MARGIN, MARGIN)[self.bodies]
+        margin = np.where(world.kind == int(Kind.PEDESTRIAN), PERSON_MARGIN, MARGIN)[self.bodies]
         self.half_length, self.half_width = world.half_length[self.bodies], world.half_width[self.bodies]
         self.margin = margin
         self.longest = float(np.hypot(self.half_length, self.half_width).max(initial=0.0)) + PERSON_MARGIN

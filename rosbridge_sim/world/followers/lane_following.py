@@ -445,7 +445,7 @@ class LaneFollowers:
             x -= aside * leg_dy
             y += aside * leg_dx
         yaw += yaw_rate * dt
-        beyond = ((yaw > math.pi) | (yaw <= -math.pi)).nonzero()[0]
+        beyond = (np.abs(yaw) >= math.pi).nonzero()[0]
         if len(beyond):
             yaw[beyond] = wrap_angle(yaw[beyond])
         self._write(columns, slice(None))

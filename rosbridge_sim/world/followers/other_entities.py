@@ -55,13 +55,13 @@ class OtherEntities:
 
     def __init__(self, world: WorldRows, is_other: BoolArray) -> None:
         self._world = world
-        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
+        may_move = (world.kind == int(Kind.EGO)) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = (is_other & ~may_move).nonzero()[0]
         self._still, owner, _ = _Bodies(world, still).entries(np.arange(len(still)))
         self._still_rows = still[owner]
         self._rows: IntArray = (is_other & may_move).nonzero()[0]
         self._bodies = _Bodies(world, self._rows)
-        self._on_wheels = (world.kind[self._rows] == Kind.EGO) | (world.kind[self._rows] == Kind.VEHICLE)
+        self._on_wheels = (world.kind[self._rows] == int(Kind.EGO)) | (world.kind[self._rows] == int(Kind.VEHICLE))
 
     def entries(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
         """Return all entries, their rows, and how many of them drive, which are the first ones.
@@ -100,7 +100,7 @@ class _Bodies:
 
     def __init__(self, world: WorldRows, rows: IntArray) -> None:
         self._world, self._rows = world, rows
-        is_person = world.kind[rows] == Kind.PEDESTRIAN
+        is_person = world.kind[rows] == int(Kind.PEDESTRIAN)
         self._may_stand = ~is_person
         # Pedestrians that heed the traffic wait at the kerb. While they cross, drivers wait for them.
         foresight = np.where(is_person & (world.yields[rows] == 0), FORESIGHT, 0.0)

@@ -61,7 +61,7 @@ def start_self_driving(
     Raises:
         ValueError: the row is no ego in use, or the route does not lead along lanes.
     """
-    if world.kind[row] != Kind.EGO or not world.alive[row]:
+    if world.kind[row] != int(Kind.EGO) or not world.alive[row]:
         raise ValueError(f"row {row} is not driven")
     check_route(world.roads, route, is_loop=is_loop)
     x, y, yaw, z = (float(getattr(world, name)[row]) for name in ("x", "y", "yaw", "z"))
@@ -96,7 +96,7 @@ def change_lane(world: World, row: int, side: int) -> bool:
     Raises:
         ValueError: the row is no ego that drives itself.
     """
-    if world.kind[row] != Kind.EGO or not world.alive[row] or not world.has_lane[row]:
+    if world.kind[row] != int(Kind.EGO) or not world.alive[row] or not world.has_lane[row]:
         raise ValueError(f"row {row} does not drive itself")
     old, neighbours = int(world.lane[row]), world.roads.derived(LaneNeighbours)
     if world.lateral_left[row] > 0.0 or not neighbours.may[side, old]:
@@ -132,7 +132,7 @@ class SelfDrivingEgos:
 
     def __init__(self, world: WorldRows, followers: IntArray) -> None:
         self._world = world
-        self.index: IntArray = (world.kind[followers] == Kind.EGO).nonzero()[0]
+        self.index: IntArray = (world.kind[followers] == int(Kind.EGO)).nonzero()[0]
         self.rows = followers[self.index]
 
     def project(self) -> None:

@@ -215,9 +215,9 @@ class LaneLook:
         has_rested = (since == 0) | (frame - since >= np.where(is_right | is_back, RETURN, REST))
         wishes = (~must & (now == 0) & (most > THRESHOLD) & safe & has_rested).nonzero()[0]
         side[wishes] = best[wishes]
-        reason[wishes] = np.where(is_right[wishes], LaneChange.KEEP_RIGHT, LaneChange.FASTER)
+        reason[wishes] = np.where(is_right[wishes], int(LaneChange.KEEP_RIGHT), int(LaneChange.FASTER))
         # Signals for a change of choice that goes on
-        is_kept = ~must & ((now == LaneChange.FASTER) | (now == LaneChange.KEEP_RIGHT))
+        is_kept = ~must & ((now == int(LaneChange.FASTER)) | (now == int(LaneChange.KEEP_RIGHT)))
         old_side = np.maximum(signal - 1, 0)
         old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
         is_kept &= (old_advantage > 0.0) & (frame - since < PATIENCE)
@@ -230,16 +230,16 @@ class LaneLook:
         world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
         # The drivers that begin
         chosen = both.at(index + num * side)
-        is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
+        is_tight = (reason == int(LaneChange.AROUND)) & (self._speed < STANDS)
         is_clear = np.zeros(num, dtype=bool)
         if len(at := ((reason > 0) & ~is_inside).nonzero()[0]):
             is_clear[at] = self._is_clear(at, side[at], is_tight[at])
         may = chosen.is_there & chosen.is_safe & is_clear & is_slow
         begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & may & (side == turn % NUM_SIDES)
-        must_wait = (reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside
+        must_wait = (reason >= int(LaneChange.ROUTE)) & ~begins & chosen.is_there & ~is_inside
         if np.count_nonzero(must_wait):
             self._open_gaps(index[must_wait], chosen, is_clear, accel)
-        keep_room = (reason == LaneChange.AROUND) & ~begins
+        keep_room = (reason == int(LaneChange.AROUND)) & ~begins
         if np.count_nonzero(keep_room):
             self._keep_room(index[keep_room], accel)
         return which[begins], side[begins], is_tight[begins]
@@ -329,7 +329,7 @@ class LaneLook:
             begins_at = np.abs(steps) * np.fmax(MUST_WAY, MUST_TIME * self._speed[ends])
             is_near = (to_side > 0) & (self._run[ends] < begins_at)
             at = ends[is_near]
-            reason[at] = np.where(is_route[is_near], LaneChange.ROUTE, LaneChange.LANE_END)
+            reason[at] = np.where(is_route[is_near], int(LaneChange.ROUTE), int(LaneChange.LANE_END))
             side[at] = to_side[is_near] - 1
         around = ((reason == 0) & self._is_blocked).nonzero()[0]
         if len(around):
@@ -352,7 +352,7 @@ class LaneLook:
         perception, world = self._perception, self._world
         lead = perception.lead[self._which[at]]
         rows = self._rows[lead]
-        is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0)
+        is_stuck = (world.change[rows] == int(LaneChange.AROUND)) | (world.leaving[rows] > 0)
         is_stuck &= world.frames(rows) - world.change_since[rows] > STUCK
         is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS) | is_stuck
         # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it

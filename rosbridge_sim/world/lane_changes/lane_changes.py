@@ -78,7 +78,7 @@ class LaneChanges:
         self.roads = world.roads
         self.neighbours = world.roads.derived(LaneNeighbours)
         self.conflicts = world.roads.derived(LaneConflicts)
-        self.may = (world.kind[rows] != Kind.EGO) & ~world.keeps_lane[rows]
+        self.may = (world.kind[rows] != int(Kind.EGO)) & ~world.keeps_lane[rows]
         is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
         self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
         self.is_possible = self.neighbours.is_any and bool(self.may.any())
@@ -116,7 +116,7 @@ class LaneChanges:
             return lateral
         world, rows = self.world, self.rows
         leaves = world.leaving[rows] > 0
-        which = (leaves | (world.change[rows] >= LaneChange.ROUTE)).nonzero()[0]
+        which = (leaves | (world.change[rows] >= int(LaneChange.ROUTE))).nonzero()[0]
         if not len(which):
             return lateral
         way = np.abs(world.lateral_to[rows[which]] - world.lateral_from[rows[which]])
@@ -156,7 +156,7 @@ class LaneChanges:
         is_part = decision % LOOK_EVERY == 0
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
         # `LOOK_EVERY`-th.
-        looks = world.change[rows] >= np.where(is_part, LaneChange.FASTER, LaneChange.ROUTE)
+        looks = world.change[rows] >= np.where(is_part, int(LaneChange.FASTER), int(LaneChange.ROUTE))
         if np.count_nonzero(is_part):
             is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
             looks |= is_turn & self.neighbours.has_side[drivers.lanes[0]]

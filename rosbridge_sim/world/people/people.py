@@ -481,7 +481,7 @@ class _People:
         foot = np.minimum(np.maximum(local.real, 0.0), width[one])
         away = np.fmax(np.abs(foot - local) - half, 0.0)
         nears = ((foot - local) * np.conj(turned)).real > TURN * np.abs(foot - local)
-        is_driver = world.has_lane[car] & (world.kind[car] != Kind.EGO)
+        is_driver = world.has_lane[car] & (world.kind[car] != int(Kind.EGO))
         comes |= is_driver & nears & (pace > CREEPS)
         gap = np.where(is_driver, away, gap)
         is_early = arrival < width[one] / np.fmax(speed[one], 0.1) + MARGIN

@@ -129,7 +129,7 @@ def command_all(
         world.speed_cmd[rows] = np.minimum(np.maximum(speed, -MAX_SPEED), MAX_SPEED)
     elif accel is not None and mode == Mode.ACCEL:
         world.accel_cmd[rows] = np.minimum(np.maximum(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
-    switches = (world.mode[rows] == Mode.PEDALS) != (mode == Mode.PEDALS)
+    switches = (world.mode[rows] == int(Mode.PEDALS)) != (mode == Mode.PEDALS)
     world.mode[rows] = mode
     update_all_control_columns(world, rows, mode, is_creeping=world.is_creeping)
     for row in rows[world.is_ghost[rows]].tolist():

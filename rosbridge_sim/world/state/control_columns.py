@@ -116,7 +116,9 @@ def update_all_control_columns(arrays: EntityArrays, rows: IntArray, mode: Mode,
     """
     gear = arrays.gear[rows]
     does_creep = is_creeping and mode == Mode.PEDALS
-    arrays.creep[rows] = np.where(does_creep & ((gear == Gear.DRIVE) | (gear == Gear.REVERSE)), CREEP_ACCEL, 0.0)
+    arrays.creep[rows] = np.where(
+        does_creep & ((gear == int(Gear.DRIVE)) | (gear == int(Gear.REVERSE))), CREEP_ACCEL, 0.0
+    )
     arrays.rolls[rows] = float(does_creep)
     arrays.jerk_limit[rows] = _JERK_LIMITS[mode]
     if mode == Mode.ACCEL:
@@ -124,7 +126,7 @@ def update_all_control_columns(arrays: EntityArrays, rows: IntArray, mode: Mode,
         arrays.throttle_max[rows] = 1.0
         return
     wanted = arrays.speed_cmd[rows]
-    target = np.where(gear == Gear.REVERSE, np.abs(wanted), np.maximum(wanted, 0.0))
+    target = np.where(gear == int(Gear.REVERSE), np.abs(wanted), np.maximum(wanted, 0.0))
     arrays.target[rows] = target
     arrays.accel_min[rows], arrays.accel_max[rows] = -arrays.speed_decel[rows], arrays.speed_accel[rows]
     arrays.throttle_max[rows] = np.where((target == 0.0) & (mode == Mode.SPEED), 0.0, 1.0)

@@ -38,7 +38,10 @@ _POSITIVE: Final = frozenset(
 
 
 class Kind(IntEnum):
-    """Kind of an entity."""
+    """Kind of an entity.
+
+    Columns are compared with `int(Kind.EGO)`: numpy takes 10 us to make a number of a member of an enumeration.
+    """
 
     EGO = 0  # driven by commands, moved by the single track model
     VEHICLE = 1

@@ -72,9 +72,9 @@ def set_speed(world: World, row: int, speed: float) -> None:
         ValueError: not finite, out of bounds, or negative on a path or a lane. Nothing has changed.
     """
     check_pose(speed=speed)
-    if speed < 0.0 and (world.has_path[row] or (world.has_lane[row] and world.kind[row] != Kind.EGO)):
+    if speed < 0.0 and (world.has_path[row] or (world.has_lane[row] and world.kind[row] != int(Kind.EGO))):
         raise ValueError(f"speed: expected >= 0 on a path or a lane, got {speed!r}")
-    if world.loose[row] and world.kind[row] == Kind.EGO:
+    if world.loose[row] and world.kind[row] == int(Kind.EGO):
         world.loose[row] = 0.0
     elif world.loose[row]:
         x, y, z, yaw = (float(getattr(world, name)[row]) for name in ("x", "y", "z", "yaw"))
@@ -82,7 +82,7 @@ def set_speed(world: World, row: int, speed: float) -> None:
     world.speed[row] = speed
     if world.yields[row]:
         world.desired_speed[row] = speed
-    if world.dynamics == Dynamics.SINGLE_TRACK and world.kind[row] == Kind.EGO:
+    if world.dynamics == Dynamics.SINGLE_TRACK and world.kind[row] == int(Kind.EGO):
         world.lateral_speed[row] = world.yaw_rate[row] = 0.0
     world.start_within[row] = world.start_speed[row] = 0.0
     set_ghost(world, row, is_ghost=False)
@@ -144,7 +144,7 @@ def place_ghosts(world: World, rows: IntArray, poses: FloatArray) -> None:
         raise ValueError("poses: expected finite numbers within the bounds of the world")
     world.place_all(rows, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[rows], world.pitch[rows] = roll, pitch
-    is_ego = world.kind[rows] == Kind.EGO
+    is_ego = world.kind[rows] == int(Kind.EGO)
     world.ground_roll[rows], world.ground_pitch[rows] = np.where(is_ego, roll, 0.0), np.where(is_ego, pitch, 0.0)
     world.is_ghost[rows] = True
     world.touch()
@@ -167,7 +167,7 @@ def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: Fl
         column = getattr(world, name)
         column[rows] = np.where(np.isnan(figures), column[rows], wrap_angle(figures) if name == "yaw" else figures)
         if name in _TILTS:  # an ego that is driven again leans from here
-            is_ego = world.kind[rows] == Kind.EGO
+            is_ego = world.kind[rows] == int(Kind.EGO)
             getattr(world, _TILTS[name])[rows] = np.where(is_ego, column[rows], 0.0)
     if not world.is_ghost[rows].all():
         world.is_ghost[rows] = True

@@ -79,7 +79,7 @@ class RowMotion(WorldRows):
             self.touch()
         if self.has_impacts:
             self.placed_uids.add(self.uid.item(row))
-        if self.kind[row] != Kind.EGO:
+        if self.kind[row] != int(Kind.EGO):
             self.touch()  # it may move now, or no longer
             return
         self.friction[row] = ROAD_FRICTION * self.friction_share  # until the next look at the ground
@@ -89,7 +89,7 @@ class RowMotion(WorldRows):
     def tilt(self, row: int, *, roll: float, pitch: float) -> None:
         """Set roll and pitch of a row and of the ground below it [rad]; nothing is checked."""
         self.roll[row], self.pitch[row] = roll, pitch
-        if self.kind[row] == Kind.EGO:
+        if self.kind[row] == int(Kind.EGO):
             self.ground_roll[row], self.ground_pitch[row] = roll, pitch
 
     def place_all(

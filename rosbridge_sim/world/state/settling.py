@@ -66,7 +66,7 @@ def settle_on_lanes(arrays: EntityArrays, roads: Roads, rows: IntArray) -> None:
 
 def keep_level(arrays: EntityArrays) -> None:
     """Take the slope of former roads from all driven rows, because the new ones are flat."""
-    rows = np.flatnonzero(arrays.alive & (arrays.kind == Kind.EGO))
+    rows = np.flatnonzero(arrays.alive & (arrays.kind == int(Kind.EGO)))
     arrays.grade[rows] = arrays.ground_pitch[rows] = arrays.ground_roll[rows] = 0.0
     arrays.climb[rows] = arrays.climb_accel[rows] = 0.0
     arrays.pitch[rows], arrays.roll[rows] = arrays.lean_pitch[rows], arrays.lean_roll[rows]
@@ -77,9 +77,9 @@ def _lean(arrays: EntityArrays, rows: IntArray, ground: Ground) -> None:
     yaw = arrays.yaw[rows]
     cos, sin = np.cos(yaw), np.sin(yaw)
     ahead, left = ground.east * cos + ground.north * sin, ground.north * cos - ground.east * sin
-    is_upright = arrays.kind[rows] == Kind.PEDESTRIAN
+    is_upright = arrays.kind[rows] == int(Kind.PEDESTRIAN)
     pitch, roll = _tilt(np.where(is_upright, 0.0, ahead), np.where(is_upright, 0.0, left))
-    is_ego = (arrays.kind[rows] == Kind.EGO).nonzero()[0]
+    is_ego = (arrays.kind[rows] == int(Kind.EGO)).nonzero()[0]
     if len(is_ego):
         egos = rows[is_ego]
         arrays.ground_pitch[egos], arrays.ground_roll[egos] = pitch[is_ego], roll[is_ego]

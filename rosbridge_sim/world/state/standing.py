@@ -46,7 +46,7 @@ def stand(world: WorldRows, before: FloatArray, dt: float) -> None:
         return
     x, y, yaw, _, z = before[:, rows]
     is_moved = (world.x[rows] != x) | (world.y[rows] != y) | (world.yaw[rows] != yaw)
-    is_ego = world.kind[rows] == Kind.EGO
+    is_ego = world.kind[rows] == int(Kind.EGO)
     is_kinematic = world.dynamics == Dynamics.KINEMATIC
     egos = rows[is_ego]
     world.climb[egos] = world.climb_accel[egos] = 0.0
@@ -106,7 +106,7 @@ class _Standing:
     """
 
     def __init__(self, world: WorldRows) -> None:
-        is_ego = world.kind == Kind.EGO
+        is_ego = world.kind == int(Kind.EGO)
         on_ground = world.alive & ~world.is_ghost
         is_follower = world.has_lane & ~is_ego
         self.followers = np.flatnonzero(on_ground & is_follower)

@@ -286,7 +286,7 @@ class World(EntityRows):
             ValueError: the path has no length or is too long, or this row can follow none. Nothing has changed.
         """
         speed = float(self.speed[row])
-        if self.kind[row] == Kind.EGO or not self.alive[row] or speed < 0.0:
+        if self.kind[row] == int(Kind.EGO) or not self.alive[row] or speed < 0.0:
             raise ValueError(f"path: expected an entity that is no ego and has a speed >= 0, got speed {speed!r}")
         x, y, z, yaw = (float(getattr(self, name)[row]) for name in ("x", "y", "z", "yaw"))
         is_ghost = self.is_ghost.item(row)
