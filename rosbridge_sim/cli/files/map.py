@@ -18,7 +18,7 @@ from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.maps.map_check import describe_map, list_files
 from rosbridge_sim.maps.map_formats import find_file_format, find_map_mistakes, is_map, read_map
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder, read_map_at, refuse_map_file
+from rosbridge_sim.shell.files.library import DiskLibrary, map_is, read_folder, read_map_at, refuse_map_file
 from rosbridge_sim.shell.files.other_formats import MAP_IS, find_other_formats
 
 MAX_ROWS: Final = 60
@@ -86,8 +86,7 @@ def _find_folders(name: str) -> list[Path]:
         folder = DiskLibrary(own_map=name).map_path(name)
     except DocumentError:
         refuse_map_file(Path(name))
-        known = ", ".join(map_names())
-        raise DocumentError(f"{name}: {MAP_IS}, or one of {known}; there is none") from None
+        raise DocumentError(f"{name}: {map_is()}; there is none") from None
     if folder.is_file() or is_map(_names_in(folder)):
         return [folder]
     inner = [at for at in sorted(folder.glob("*")) if is_map(_names_in(at)) or find_file_format(at.name)]

@@ -126,7 +126,7 @@ class _Reading:
         """Return the map."""
         pieces = self._pieces
         if not pieces:
-            got = ", ".join(f"{num:,} of type {kind}" for kind, num in self._lane_types.most_common()) or "none"
+            got = _list_kinds(self._lane_types) or "none"
             raise DocumentError(f"{source}: expected at least one lane to drive on, got {got}")
         successors, link_notes = find_followers(self._roads, self._junctions.values(), pieces)
         left, right = find_neighbours(self._roads, pieces)
@@ -219,8 +219,7 @@ class _Reading:
             num = len(plan.controllers)
             self._notes.append(f"OpenDRIVE has no times of lights: {num:,} junctions with lights have a default plan")
         if signals.kinds:
-            kinds = ", ".join(f"{num:,} of type {kind}" for kind, num in Counter(signals.kinds).most_common(MAX_KINDS))
-            self._notes.append(f"lights of other types are drawn as signs: {kinds}")
+            self._notes.append(f"lights of other types are drawn as signs: {_list_kinds(Counter(signals.kinds))}")
 
     def _final_notes(self) -> list[str]:
         """Return the notes about what was left out, at the end of those about mistakes."""
@@ -236,10 +235,13 @@ class _Reading:
         if self._narrow:
             notes.append(tell("lanes without width or length are left out", self._narrow))
         if self._lane_types:
-            kinds = ", ".join(f"{num:,} of type {kind}" for kind, num in self._lane_types.most_common(MAX_KINDS))
-            notes.append(f"lanes that are no road for vehicles are left out: {kinds}")
+            notes.append(f"lanes that are no road for vehicles are left out: {_list_kinds(self._lane_types)}")
         if self._unused:
-            kinds = ", ".join(f"{num:,} {kind}" for kind, num in self._unused.most_common(MAX_KINDS))
-            more = ", ..." if len(self._unused) > MAX_KINDS else ""
-            notes.append(f"elements that have no meaning here: {kinds}{more}")
+            notes.append(f"elements that have no meaning here: {_list_kinds(self._unused, '')}")
         return notes
+
+
+def _list_kinds(counted: Counter[str], what: str = "of type ") -> str:
+    """Return the commonest kinds of things with their numbers."""
+    shown = [f"{num:,} {what}{kind}" for kind, num in counted.most_common(MAX_KINDS)]
+    return ", ".join(shown) + (", ..." if len(counted) > MAX_KINDS else "")

@@ -308,7 +308,7 @@ class DiskLibrary:
         elif is_file_name(wanted) and (found := self._find_map_file(wanted)):
             return found
         elif (form := find_other_format(name)) and form != "OpenDRIVE":
-            raise DocumentError(f"map {name!r}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
+            raise DocumentError(f"map {name!r}: {form} is not read; {map_is()}")
         known = ", ".join(map_names())
         raise DocumentError(f"no map {wanted!r}; known are {known}, and --map takes a folder or a .xodr file")
 
@@ -383,9 +383,14 @@ def refuse_map_file(path: Path) -> None:
     is_file = path.is_file()
     form = find_other_format(path.name, _beginning(path) if is_file else b"")
     if form and form != "OpenDRIVE":
-        raise DocumentError(f"{path}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
+        raise DocumentError(f"{path}: {form} is not read; {map_is()}")
     if is_file:
-        raise DocumentError(f"{path}: {MAP_IS}, or one of {', '.join(map_names())}; got a file")
+        raise DocumentError(f"{path}: {map_is()}; got a file")
+
+
+def map_is() -> str:
+    """Return what a map is, for errors: its formats, or the name of a built-in one."""
+    return f"{MAP_IS}, or one of {', '.join(map_names())}"
 
 
 def map_names() -> list[str]:
