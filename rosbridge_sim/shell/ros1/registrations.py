@@ -65,6 +65,10 @@ class Registrations:
         what = self.service_uri if one.kind == "Service" else type_name
         try:
             found = await self._choices.ask(f"register{one.kind}", one.name, what, self.uri)
+        except asyncio.CancelledError:
+            if not self.is_ending:  # the time for the next look has come, and the master has perhaps not heard of it
+                self.known.pop(one, None)
+            raise
         except GraphError as error:
             self.known.pop(one, None)
             if isinstance(error, UnreachableError):
