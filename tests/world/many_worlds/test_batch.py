@@ -137,7 +137,7 @@ def test_worlds_of_a_batch_equal_the_same_worlds_alone(scenario: str, options: d
 @pytest.mark.long
 @pytest.mark.parametrize(("scenario", "options"), [*CASES, ("roundabout", {}), ("demo", {}), ("parking", {})])
 def test_many_worlds_of_a_batch_equal_the_same_worlds_alone(scenario: str, options: dict[str, object]) -> None:
-    compare(scenario, num=64, rounds=100, traffic=12, most_frames=40, num_alone=12, **options)  # 2,000 frames
+    compare(scenario, num=64, rounds=80, traffic=12, most_frames=40, num_alone=8, **options)  # 1,600 frames
 
 
 @pytest.mark.slow
