@@ -289,9 +289,15 @@ class LaneFollowers:
         """Return the number of this decision, one for all or (n,)."""
         return self.world.frames(self.rows) // DECISION
 
-    def drivers(self) -> Drivers:
-        """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
-        world, at = self.world, self.at
+    def drivers(self, *, may_change: bool = True) -> Drivers:
+        """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours.
+
+        Args:
+            may_change: whether anybody changes lanes, or must; with False nobody is asked.
+        """
+        world, at, lateral = self.world, self.at, self.parameters.lateral
+        if may_change:
+            lateral = self.changes.find_lateral(self.parameters, world.speed[at])
         drivers = Drivers(
             lanes=of_rows(world.int_block("lane", "ahead_5"), at),
             arc=world.arc[at],
@@ -307,9 +313,10 @@ class LaneFollowers:
             exit_lane=world.exit_lane[at],
             is_let_in=(self._decision() + self.let_in_later) % LET_IN_EVERY < LET_IN_FOR,
             parameters=self.parameters,
-            lateral=self.changes.find_lateral(self.parameters, world.speed[at]),
+            lateral=lateral,
         )
-        drivers.leaving = self.changes.find_leaving(drivers)
+        if may_change:
+            drivers.leaving = self.changes.find_leaving(drivers)
         return drivers
 
     def others(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:

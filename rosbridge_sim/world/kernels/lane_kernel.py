@@ -200,7 +200,7 @@ class LaneKernel:
         np.floor_divide(fields.arrays["frame"], DECISION, out=fields.arrays["decision"])
         fields.take(may_enter=world.signals.may_enter)
         is_changing = followers.changes.is_possible and bool(do.is_anybody_changing(at))
-        drivers = followers.drivers()
+        drivers = followers.drivers(may_change=is_changing)
         fields.take(lateral_now=drivers.lateral)
         others, _, num_moving = followers.others(drivers)
         self._take_entries(others, drivers.leaving)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.followers.self_driving import change_lane, start_self_driving
 from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import teleport
@@ -16,7 +19,7 @@ from rosbridge_sim.world.step import step
 from rosbridge_sim.worlds.worlds import Worlds
 from tests.world.kernels.compiled_loops import needs_compiler, with_loops
 from tests.world.lane_drives import BUS
-from tests.world.road_factory import CAR, built_in, car, crossing, ring, road
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, ring, road
 
 pytestmark = needs_compiler
 
@@ -94,19 +97,71 @@ def test_loops_give_the_bits_of_arrays_for_any_number_of_rows(num: int) -> None:
     check_both(one, other, 80)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_drivers_do_the_same_at_intersections_and_ends(seed: int) -> None:
-    def make(roads_of: int) -> World:
-        world, rng = World(seed), np.random.default_rng(seed)
-        world.lay_roads((crossing, ring, road)[roads_of]())
-        names = world.roads.ids
-        for _ in range(12):
-            name = str(rng.choice(names))
-            car(world, name, float(rng.uniform(0.0, world.roads.length[world.roads.row(name)])), speed=5.0)
-        return world
+def short_lanes() -> Roads:
+    """A crossing of lanes that are shorter than a car's nose: drivers hold lanes that their axles have not reached."""
+    return make(
+        w=(line((-80, 0), (-14, 0)), "w1"),
+        w1=(line((-14, 0), (-12, 0)), "w2"),
+        w2=(line((-12, 0), (-4, 0)), "we"),
+        we=(line((-4, 0), (-1, 0)), "wf"),
+        wf=(line((-1, 0), (2, 0)), "e"),
+        e=(line((2, 0), (100, 0)), "w"),
+        s=(line((0, -80), (0, -6)), "sn"),
+        sn=(line((0, -6), (0, -1)), "sm"),
+        sm=(line((0, -1), (0, 3)), "n"),
+        n=(line((0, 3), (0, 100)), "s"),
+    )
 
-    for roads_of in range(3):
-        check_both(make(roads_of), make(roads_of), 100)
+
+def tight_road() -> Roads:
+    """Both directions of a road with a tight bend: cars pass each other there, buses do not."""
+
+    def way(radius: float) -> FloatArray:
+        return np.concatenate([line((-40, radius)), arc(0, 0, radius, 90, -90), line((radius, -40))])
+
+    return make(a=(way(9.0), "b"), b=(way(12.5)[::-1], "a"))
+
+
+@pytest.mark.parametrize("roads_of", [crossing, ring, road, short_lanes, tight_road])
+@pytest.mark.parametrize("seed", range(2))
+def test_drivers_do_the_same_at_intersections_and_ends(seed: int, roads_of: Callable[[], Roads]) -> None:
+    roads, worlds = roads_of(), []
+    for _ in range(2):
+        world, rng = World(seed), np.random.default_rng(seed)
+        world.lay_roads(roads)
+        for _ in range(12):
+            name, body = str(rng.choice(roads.ids)), BUS if rng.random() < 0.3 else CAR
+            car(world, name, float(rng.uniform(0.0, roads.length[roads.row(name)])), speed=5.0, body=body)
+        worlds.append(world)
+    check_both(worlds[0], worlds[1], 120)
+
+
+@pytest.mark.parametrize("roads_of", [crossing, short_lanes, tight_road])
+def test_decisions_are_the_same_from_any_claims_and_holds(roads_of: Callable[[], Roads]) -> None:
+    roads = roads_of()
+    for seed in range(15):
+        worlds = []
+        for _ in range(2):
+            world, rng = World(seed), np.random.default_rng(seed)
+            world.lay_roads(roads)
+            for _ in range(14):
+                name, body = str(rng.choice(roads.ids)), BUS if rng.random() < 0.2 * (seed % 3) else CAR
+                place, speed = float(rng.uniform(0.0, roads.length[roads.row(name)])), float(rng.uniform(-4.0, 8.0))
+                car(world, name, place, speed=max(speed, 0.0), body=body)
+            lanes = world.int_block("lane", "ahead_5")
+            for row in range(world.n):
+                ahead = [-1, *lanes[lanes[:, row] >= 0, row][:4].tolist()]
+                world.claim[row], world.held[row] = rng.choice(ahead, 2)
+                world.exit_lane[row] = rng.choice(ahead)
+            worlds.append(world)
+        check_both(worlds[0], worlds[1], 6)
+
+
+@pytest.mark.parametrize("name", ["motorway", "town"])
+def test_few_drivers_look_far_behind_likewise(name: str) -> None:
+    for seed in range(5):
+        one, other = (random_world(name, 8, seed) for _ in range(2))
+        check_both(one, other, 11)
 
 
 def test_routes_and_changes_of_lanes_are_the_same() -> None:
