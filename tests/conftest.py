@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterator
@@ -20,6 +21,8 @@ from tests.long_tests import is_long as is_of_a_long_group
 from tests.support import Client, ServerProcess, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
+
+os.environ["ROSBRIDGE_SIM_CC"] = "none"  # numpy drives all worlds, whatever is installed; `kernels` tests loops
 
 # How long an example takes is the machine's, not the code's. `--long` tries more of them.
 hypothesis.settings.register_profile("ours", deadline=None, max_examples=10)

@@ -62,16 +62,29 @@ def start_kernels() -> Thread | None:
     compiler = find_compiler(os.environ)
     if not compiler:
         return None
-    from rosbridge_sim.shell.kernels.compiler import cache_folder, library_path, read_source  # noqa: PLC0415 - see above
+    from rosbridge_sim.shell.kernels.compiler import (  # noqa: PLC0415 - see above
+        NoKernelsError,
+        cache_folder,
+        library_path,
+        read_source,
+    )
 
     source = read_source()
-    path = library_path(source, compiler, cache_folder(os.environ))
+    try:
+        path = library_path(source, compiler, cache_folder(os.environ))
+    except NoKernelsError as error:
+        _warn(error)
+        return None
     if path.exists():
         _take(source, (), str(path))
         return None
     thread = Thread(target=_take, args=(source, compiler, str(path)), name="kernels", daemon=True)
     thread.start()
     return thread
+
+
+def _warn(error: Exception) -> None:
+    _log.warning("vehicles on lanes are driven by numpy, which is slower: %s", error)
 
 
 def _take(source: str, compiler: Sequence[str], path: str) -> None:
@@ -89,7 +102,7 @@ def _take(source: str, compiler: Sequence[str], path: str) -> None:
             compile_library(source, compiler, Path(path))
         take_library(Path(path))
     except NoKernelsError as error:
-        _log.warning("vehicles on lanes are driven by numpy, which is slower: %s", error)
+        _warn(error)
         return
     _Backend.name = "compiled"
     _log.info("vehicles on lanes are driven by compiled loops")

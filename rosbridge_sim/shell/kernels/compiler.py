@@ -41,13 +41,21 @@ class NoKernelsError(RosbridgeSimError):
 
 
 def cache_folder(environment: Mapping[str, str]) -> Path:
-    """Return the folder for libraries in the user's cache folder."""
+    """Return the folder for libraries in the user's cache folder.
+
+    Raises:
+        NoKernelsError: nobody knows the user's home.
+    """
+    try:
+        home = Path.home()
+    except RuntimeError as error:
+        raise NoKernelsError(f"no folder for compiled loops: {error}") from error
     if sys.platform == "win32":
-        base = environment.get("LOCALAPPDATA") or str(Path.home() / "AppData" / "Local")
+        base = environment.get("LOCALAPPDATA") or str(home / "AppData" / "Local")
     elif sys.platform == "darwin":
-        base = str(Path.home() / "CompiledLoops" / "Caches")
+        base = str(home / "Library" / "Caches")
     else:
-        base = environment.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+        base = environment.get("XDG_CACHE_HOME") or str(home / ".cache")
     return Path(base) / "rosbridge_sim"
 
 

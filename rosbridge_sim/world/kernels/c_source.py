@@ -99,7 +99,7 @@ FOR_QUEUE: Final[Mapping[str, str]] = {
 }
 FOR_LANES: Final[Mapping[str, str]] = {
     "D": "reserved taken nearest",
-    "I": "best best_now q_first",
+    "I": "best q_first",
     "B": "stands has_long",
 }
 FOR_LOOKS: Final[Mapping[str, str]] = {"void": "looks"}

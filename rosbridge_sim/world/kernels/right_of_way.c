@@ -106,7 +106,7 @@ static void take(K *k, I lane, D tail) { k->taken[lane] = least(k->taken[lane], 
 static void take_lanes(K *k) {
   for (I lane = 0; lane < k->num_lanes; lane++) {
     k->taken[lane] = k->nearest[lane] = INFINITY;
-    k->best[lane] = k->best_now[lane] = -1;
+    k->best[lane] = -1;
   }
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i], held = k->held[r];
@@ -150,7 +150,7 @@ static int comes_before(const K *k, I a, I b) {
   return a < b;
 }
 
-/* The first who asks for each lane, and the first of those who could go now. */
+/* The first who asks for each lane, and who could go if nobody else asked. */
 static void rank(K *k, I num) {
   for (I j = 0; j < num; j++) {
     I i = k->asking[j], lane = k->asked[i];
@@ -172,19 +172,39 @@ static void rank(K *k, I num) {
   for (I j = 0; j < num; j++) {
     I lane = k->asked[k->asking[j]];
     if (k->best[lane] < 0 || comes_before(k, j, k->best[lane])) k->best[lane] = j;
-    if (k->can_go[j] && (k->best_now[lane] < 0 || comes_before(k, j, k->best_now[lane]))) k->best_now[lane] = j;
   }
+}
+
+/* Whether one who asks waits for driver i to leave the crossing. */
+static int waits_for(const K *k, I asker, I i) {
+  I other = k->asking[asker], lane = k->asked[other];
+  for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++) {
+    I rival = k->rival_other[x];
+    if (!counts(k, other, x) || !(tail_on(k, i, rival) < INFINITY)) continue;
+    if (is_taken(k, other, x, tail_on(k, other, rival) < INFINITY)) return 1;
+  }
+  return 0;
+}
+
+/* Whether one who asks for a rival goes before j; those who wait for j do not count if it could go. */
+static int goes_first(const K *k, I rival, I j, I num, int takes) {
+  I i = k->asking[j], first = k->best[rival];
+  if (first < 0 || !comes_before(k, first, j)) return 0;
+  if (takes || k->held[k->rows[i]] < 0) return 1;
+  for (I other = 0; other < num; other++)
+    if (k->asked[k->asking[other]] == rival && comes_before(k, other, j) && !waits_for(k, other, i)) return 1;
+  return 0;
 }
 
 static void give(K *k, I num) {
   for (I j = 0; j < num; j++) {
-    I i = k->asking[j], r = k->rows[i], lane = k->asked[i], is_refused = !k->can_go[j];
+    I i = k->asking[j], lane = k->asked[i], is_refused = !k->can_go[j];
     for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++) {
-      I rival = k->rival_other[x], first = k->held[r] >= 0 ? k->best_now[rival] : k->best[rival];
+      I rival = k->rival_other[x];
       if (!counts(k, i, x)) continue;
-      is_refused |= first >= 0 && comes_before(k, first, j);
-      int is_own = tail_on(k, i, rival) < INFINITY;
-      k->is_blocked[i] |= k->stands[rival] && (!is_own || is_taken(k, i, x, is_own));
+      int is_own = tail_on(k, i, rival) < INFINITY, takes = is_taken(k, i, x, is_own);
+      is_refused |= goes_first(k, rival, j, num, takes);
+      k->is_blocked[i] |= k->stands[rival] && (!is_own || takes);
     }
     k->can_go[j] = !is_refused;
   }

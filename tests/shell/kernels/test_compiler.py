@@ -39,6 +39,21 @@ def test_cache_is_in_the_users_folder(tmp_path: Path) -> None:
     assert cache_folder({}).name == "rosbridge_sim"
 
 
+@pytest.mark.parametrize(("platform", "there"), [("darwin", "Library/Caches"), ("linux", ".cache")])
+def test_cache_is_where_the_system_has_such_files(platform: str, there: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "platform", platform)
+    assert cache_folder({}) == Path.home() / there / "rosbridge_sim"
+
+
+def test_user_without_a_home_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", no_home)
+    with pytest.raises(NoKernelsError, match="home directory"):
+        cache_folder({})
+
+
 def test_source_has_constants_and_rules_of_the_package() -> None:
     source = read_source()
     assert "#define HARDEST 8.0\n" in source
