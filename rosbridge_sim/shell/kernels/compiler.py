@@ -6,6 +6,7 @@ and the kind of processor: another one is another file. No option lets the compi
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import os
 import platform
@@ -86,13 +87,24 @@ def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
             command = [*compiler, *_OPTIONS, str(text), "-o", str(built)]
             if sys.platform != "win32":
                 command.append("-lm")
-            done = subprocess.run(command, capture_output=True, timeout=MAX_SECONDS, check=False)  # noqa: S603 - the user's own compiler
-            if done.returncode:
-                said = done.stderr.decode(errors="replace").strip()[:500]
-                raise NoKernelsError(f"{shlex.join(compiler)} failed with status {done.returncode}: {said}")
+            status, said = _run(command)
+            if status:
+                raise NoKernelsError(f"{shlex.join(compiler)} failed with status {status}: {said}")
             built.replace(path)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NoKernelsError(f"cannot compile with {shlex.join(compiler)} into {path.parent}: {error}") from error
+
+
+def _run(command: Sequence[str]) -> tuple[int, str]:
+    """Run a compiler, which ends with this process; return its status and what it said."""
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as compiling:  # noqa: S603 - the user's own
+        atexit.register(compiling.kill)
+        try:
+            _, said = compiling.communicate(timeout=MAX_SECONDS)
+        finally:
+            compiling.kill()
+            atexit.unregister(compiling.kill)
+    return compiling.returncode, said.decode(errors="replace").strip()[:500]
 
 
 def load_library(path: Path) -> CompiledLoops:

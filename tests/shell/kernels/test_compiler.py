@@ -132,3 +132,16 @@ def test_process_takes_loops_over_when_they_are_compiled(tmp_path: Path) -> None
     if sys.platform == "linux":
         assert words == ["True", "numpy", "True", "True", "compiled"]
         assert len(list((tmp_path / "rosbridge_sim").iterdir())) == 1
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
+def test_compiler_ends_with_its_process(tmp_path: Path) -> None:
+    program = (
+        "import time\nfrom pathlib import Path\nfrom rosbridge_sim.shell.kernels.backend import start_kernels\n"
+        f"start_kernels()\nwhile not Path({str(tmp_path / 'pid')!r}).exists():\n    time.sleep(0.01)\n"
+    )
+    compiling = f"sh -c 'echo $$ > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; exec sleep 100'"
+    environment = os.environ | {VARIABLE: compiling, "XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", program], env=environment, check=True)
+    status = Path("/proc") / (tmp_path / "pid").read_text().strip() / "status"
+    assert not status.exists() or "zombie" in status.read_text()
