@@ -247,6 +247,7 @@ static void look_beside(K *k, I i, Look *look) {
   find_must(k, i, look);
   look->must = look->reason != NONE;
   look->is_inside = look->to_entry <= 0.0 || k->held[r] >= 0;
+  look->is_inside |= k->claim[r] >= 0 && look->speed * look->speed > 2.0 * FIRM * most(look->to_entry - STOP_GAP, 0.0);
   if (!look->must) find_wish(k, i, look);
   mind_bends(k, i, look);
   look->is_tight = look->reason == AROUND && look->speed < STANDS;

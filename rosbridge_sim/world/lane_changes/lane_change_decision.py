@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.drivers.driver_model import HARDEST, Perception
+from rosbridge_sim.world.drivers.driver_model import FIRM, HARDEST, STOP_GAP, Perception
 from rosbridge_sim.world.drivers.lane_entries import Drivers, EntryQueue
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
@@ -164,6 +164,9 @@ class LaneLook:
             if len(at):
                 self._is_blocked[at] = self._find_blocked(at)
         self._is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
+        # One that may enter its lane, and could not stop before another one, is inside, too.
+        has_claim = drivers.claim[which] >= 0
+        self._is_inside |= has_claim & (np.square(self._speed) > 2.0 * FIRM * np.fmax(self._to_entry - STOP_GAP, 0.0))
         is_far = self._to_entry > ENTRY_WAY + (SIGNAL_FRAMES * DT + self._shift_time) * self._speed
         self._is_free = is_far & ~self._is_inside
 

@@ -217,6 +217,7 @@ class Scene:
         others, _, num_moving = self.followers.others(self.drivers)
         may_enter = world.signals.may_enter
         self.perception = perceive(self.followers.conflicts, may_enter, self.drivers, others, num_moving)
+
         self.desired = np.fmin(self.drivers.parameters.desired_speed, self.perception.safe_speed)
 
 
@@ -409,6 +410,8 @@ class OneByOne:
         now, since, signal = int(world.change[row]), float(world.change_since[row]), int(world.signal[row])
         wish = Wish(*self.must(options))
         is_inside = self.to_entry <= 0.0 or self.drivers.held[self.i] >= 0
+        if self.drivers.claim[self.i] >= 0:  # it could not stop before another lane
+            is_inside |= float(self.drivers.speed[self.i]) ** 2 > 2.0 * 4.0 * max(self.to_entry - 1.0, 0.0)
         bias = 0.3 if self.neighbours.keeps_right[self.lanes[0]] else 0.0
         far = 20.0 + (1.5 + self.shift_time) * self.speed
         advantages = []
@@ -600,3 +603,22 @@ def test_driver_does_not_go_around_a_queue_with_the_first_driver_of_all(roads: l
     world.speed[head] = 5.0
     compare(world, decision=0)
     assert world.change[row] == LaneChange.AROUND
+
+
+@pytest.mark.parametrize(
+    ("to_entry", "has_claim", "is_inside"), [(15.0, True, True), (25.0, True, False), (15.0, False, False)]
+)
+def test_driver_that_may_enter_and_cannot_stop_any_more_changes_no_lanes_before_the_crossing(
+    to_entry: float, roads: list[tuple[Roads, SignalPlan]], *, has_claim: bool, is_inside: bool
+) -> None:
+    world = World()
+    world.lay_roads(*roads[0])
+    row = car(world, "b1", 1.0, speed=12.0)
+    world.arc[row] = world.roads.length[world.lane[row]] - to_entry - world.half_length[row] - world.centre[row]
+    scene = Scene(world)
+    scene.drivers.claim[:] = scene.drivers.lanes[1] if has_claim else -1
+    assert scene.perception.queue is not None
+    arguments = (scene.followers.choice, scene.drivers, scene.perception, scene.perception.queue, scene.desired)
+    look = LaneLook(world, scene.followers.rows, *arguments, np.array([0]))
+    assert look._to_entry == pytest.approx([to_entry])
+    assert look._is_inside.tolist() == [is_inside]
