@@ -229,10 +229,8 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
         low, high = first + own.argmax(axis=1), last - own[:, ::-1].argmax(axis=1)
         high[~own.any(axis=1)] = first
         middle = 0.5 * float(s[first] + s[last])
-        at = int(s.searchsorted(middle, side="right")) - 1
-        slope = (widths[:, at + 1] - widths[:, at]) / (s[at + 1] - s[at])
-        width = slope * (middle - s[at]) + widths[:, at]
-        spans.append((first, last, middle, low.tolist(), high.tolist(), width.tolist()))
+        width = [float(np.interp(middle, s, own)) for own in widths]
+        spans.append((first, last, middle, low.tolist(), high.tolist(), width))
     for i, name in enumerate(names):
         is_forward = (name < 0) != road.is_left_hand
         turned = slice(None, None, 1 if is_forward else -1)
