@@ -156,3 +156,8 @@ def test_short_shapes_and_sections_make_no_lanes_without_length() -> None:
     plan = geometry(LINE, 1e-7) + geometry(LINE, 100.0, 1e-7)
     parts = section([lane(0), lane(-1)]) + section([lane(0), lane(-1)], 50.0) + section([lane(0), lane(-1)], 50.0000001)
     assert read(road(plan=plan, sections=parts)).roads.ids == ("1.0.-1", "1.2.-1")
+
+
+def test_section_at_the_very_end_of_a_road_has_no_lanes() -> None:
+    both = section([lane(0), lane(-1)]) + section([lane(0), lane(-1)], s=100.0)
+    assert read(road(sections=both)).roads.ids == ("1.0.-1",)
