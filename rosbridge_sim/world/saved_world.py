@@ -163,6 +163,8 @@ class _Reader:
         next_uid = self._int("next_uid", 0, MAX_UID + 1)
         self._check_rows(uids, ints, bools, next_uid)
         self._check_floats(floats)
+        ends = floats[FLOATS.index("leg_end")][bools[BOOLS.index("has_lane")]]
+        _expect(not bool((ends < 0.0).any()), "floats.leg_end", "ends of legs of lanes")
         _check_divisors(floats[:, bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)])
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
@@ -297,6 +299,7 @@ class _Reader:
         for name in INTS[INTS.index("contact_1") :]:
             within(name, 0, MAX_UID + 1)
         within("point", 0, max(0, len(self._roads.points) - 1))
+        within("point", 0, len(self._roads.points) - 2, has_lane)  # motion reads the leg after it, too
         followers = set(column("uid")[has_path].tolist())
         _expect(set(paths.spans) == followers, "spans", "a path for each entity on one")
         for uid, base in zip(column("uid")[has_path].tolist(), column("path_base")[has_path].tolist(), strict=True):

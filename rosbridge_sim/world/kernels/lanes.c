@@ -33,9 +33,12 @@ static I find_above(const D *numbers, I num, D value) {
   return from;
 }
 
+/* A place held within its lane, as by fmin and fmax: no number is the begin, for a place becomes an index. */
+static inline D hold_on(const K *k, I lane, D s) { return isnan(s) ? 0.0 : least(most(s, 0.0), k->length[lane]); }
+
 /* Roads.locate: the point before a place, and the share of the way to the next point. */
 static I locate(const K *k, I lane, D s, D *share) {
-  s = least(most(s, 0.0), k->length[lane]);
+  s = hold_on(k, lane, s);
   I first = k->first[lane], last = k->last_leg[lane];
   I point = least_of(first + (I)(s * k->legs_per_metre[lane]), last);
   if (s < k->s[point] || s >= k->leg_end_of[point])

@@ -3,7 +3,7 @@
 
 /* lane_entries._keys */
 static inline I key_of(const K *k, I lane, D s) {
-  I ticks = (I)((k->base[lane] + least(most(s, 0.0), k->length[lane])) * TICKS);
+  I ticks = (I)((k->base[lane] + hold_on(k, lane, s)) * TICKS);
   if (k->scale_ticks) ticks += k->scale_of_lane[lane] * k->scale_ticks;
   return ticks << INDEX_BITS;
 }

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.followers.self_driving import change_lane, start_self_driving
 from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.kernels.lane_kernel import LaneKernel
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.commands import command
@@ -231,3 +233,14 @@ def test_many_worlds_are_driven_by_loops_likewise() -> None:
         with with_loops():
             other.step(commands, 7)
         assert one.digests() == other.digests()
+
+
+def test_place_that_is_no_number_is_the_begin_of_its_lane() -> None:
+    world = random_world("motorway", 40, seed=3)
+    world.arc[world.has_lane.nonzero()[0][::3]] = np.nan
+    with with_loops():
+        step(world)
+    kernel = world.derived(LaneFollowers).kernel
+    assert isinstance(kernel, LaneKernel)
+    lanes = kernel._queue().lane[:-1]
+    assert np.all(np.diff(lanes) >= 0)  # else one is in the queue where its lane is not
