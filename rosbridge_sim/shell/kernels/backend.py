@@ -22,6 +22,9 @@ _EXTRA: Final = "ziglang"
 _BASELINE: Final = "-mcpu=baseline"
 """For that compiler, which else writes code for this processor alone."""
 
+_MOST_TOLD: Final = 1000
+"""Characters of a warning: the command may be of any length."""
+
 _log = logging.getLogger(__name__)
 _once = Lock()
 
@@ -65,6 +68,7 @@ def start_kernels() -> Thread | None:
     from rosbridge_sim.shell.kernels.compiler import (  # noqa: PLC0415 - see above
         NoKernelsError,
         cache_folder,
+        is_whole,
         library_path,
         read_source,
     )
@@ -75,7 +79,7 @@ def start_kernels() -> Thread | None:
     except NoKernelsError as error:
         _warn(error)
         return None
-    if path.exists():
+    if is_whole(path):
         _take(source, (), str(path))
         return None
     thread = Thread(target=_take, args=(source, compiler, str(path)), name="kernels", daemon=True)
@@ -84,7 +88,7 @@ def start_kernels() -> Thread | None:
 
 
 def _warn(error: Exception) -> None:
-    _log.warning("vehicles on lanes are driven by numpy, which is slower: %s", error)
+    _log.warning("vehicles on lanes are driven by numpy, which is slower: %s", str(error)[:_MOST_TOLD])
 
 
 def _take(source: str, compiler: Sequence[str], path: str) -> None:

@@ -69,8 +69,24 @@ def read_source() -> str:
 def library_path(source: str, compiler: Sequence[str], folder: Path) -> Path:
     """Return where the library of a source is, if it was compiled."""
     parts = (source, __version__, *compiler, *_OPTIONS, sys.platform, platform.machine())
-    digest = blake2b("\0".join(parts).encode(), digest_size=16).hexdigest()
+    digest = blake2b("\0".join(parts).encode(errors="surrogateescape"), digest_size=16).hexdigest()
     return folder / f"kernels-{digest}{'.dll' if sys.platform == 'win32' else '.so'}"
+
+
+def is_whole(path: Path) -> bool:
+    """Return whether a library is there as the compiler made it: one that was cut off would end the process."""
+    try:
+        return _sum_path(path).read_bytes() == _sum(path)
+    except OSError:
+        return False
+
+
+def _sum_path(path: Path) -> Path:
+    return path.with_suffix(".sum")
+
+
+def _sum(path: Path) -> bytes:
+    return blake2b(path.read_bytes(), digest_size=16).digest()
 
 
 def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
@@ -90,6 +106,9 @@ def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
             status, said = _run(command)
             if status:
                 raise NoKernelsError(f"{shlex.join(compiler)} failed with status {status}: {said}")
+            sums = _sum_path(built)
+            sums.write_bytes(_sum(built))
+            sums.replace(_sum_path(path))
             built.replace(path)
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NoKernelsError(f"cannot compile with {shlex.join(compiler)} into {path.parent}: {error}") from error

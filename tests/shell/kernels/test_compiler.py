@@ -14,6 +14,7 @@ from rosbridge_sim.shell.kernels.compiler import (
     NoKernelsError,
     cache_folder,
     compile_library,
+    is_whole,
     library_path,
     load_library,
     read_source,
@@ -127,11 +128,44 @@ def test_process_takes_a_library_from_the_cache_at_once() -> None:
 
 
 @needs_compiler
+def test_library_that_was_cut_off_is_not_whole(tmp_path: Path) -> None:
+    library()  # makes it
+    made = library_path(read_source(), compiler(), cache_folder(os.environ))
+    path = tmp_path / made.name
+    for suffix in (path.suffix, ".sum"):
+        path.with_suffix(suffix).write_bytes(made.with_suffix(suffix).read_bytes())
+    assert is_whole(path)
+    path.write_bytes(path.read_bytes()[:12_000])
+    assert not is_whole(path)
+    path.unlink()
+    assert not is_whole(path)
+
+
+@needs_compiler
+@pytest.mark.skipif(sys.platform != "linux", reason="the cache is that of Linux")
+def test_library_that_was_cut_off_is_compiled_again(tmp_path: Path) -> None:
+    environment = {VARIABLE: " ".join(compiler()), "XDG_CACHE_HOME": str(tmp_path)}
+    run(environment)
+    (path,) = (tmp_path / "rosbridge_sim").glob("*.so")
+    path.write_bytes(path.read_bytes()[:12_000])
+    assert run(environment).stdout.split()[-1] == "compiled"
+    assert is_whole(path)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no bytes in its environment")
+def test_command_that_is_no_text_and_very_long_is_one_line(tmp_path: Path) -> None:
+    done = run({VARIABLE: "no-such\udcff" + "x" * 100_000, "XDG_CACHE_HOME": str(tmp_path)})
+    assert done.stdout.split()[-1] == "numpy"
+    assert done.stderr.count("\n") == 1
+    assert len(done.stderr) < 2000
+
+
+@needs_compiler
 def test_process_takes_loops_over_when_they_are_compiled(tmp_path: Path) -> None:
     words = run({VARIABLE: " ".join(compiler()), "XDG_CACHE_HOME": str(tmp_path)}).stdout.split()
     if sys.platform == "linux":
         assert words == ["True", "numpy", "True", "True", "compiled"]
-        assert len(list((tmp_path / "rosbridge_sim").iterdir())) == 1
+        assert len(list((tmp_path / "rosbridge_sim").iterdir())) == 2
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")

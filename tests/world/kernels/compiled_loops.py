@@ -14,6 +14,7 @@ from rosbridge_sim.shell.kernels.backend import find_compiler
 from rosbridge_sim.shell.kernels.compiler import (
     cache_folder,
     compile_library,
+    is_whole,
     library_path,
     load_library,
     read_source,
@@ -38,7 +39,7 @@ needs_compiler = pytest.mark.skipif(
 def library() -> CompiledLoops:
     source = read_source()
     path = library_path(source, compiler(), cache_folder(os.environ))
-    if not path.exists():
+    if not is_whole(path):
         compile_library(source, compiler(), path)
     return load_library(path)
 
