@@ -250,14 +250,13 @@ def _find_holds(conflicts: LaneConflicts, drivers: Drivers) -> tuple[IntArray, I
     at = (drivers.held >= 0).nonzero()[0]
     held, tail = drivers.held[at], _tail_on_held_lane(conflicts, drivers, at)
     found = [(at, held, tail)]
-    # From the reference point to the lane that the nose is on
+    # From the reference point to the lane that the nose is on: each is taken as a whole
     at = at[np.isinf(tail)]
     for lanes in drivers.lanes[:-1]:
         at = at[lanes[at] != drivers.held[at]]
         if not len(at):
             break
-        tail = drivers.arc[at] - drivers.rear[at] if lanes is drivers.lanes[0] else np.full(len(at), -np.inf)
-        found.append((at, lanes[at], tail))
+        found.append((at, lanes[at], np.full(len(at), -np.inf)))
     who, lane, tails = zip(*found, strict=True)
     return np.concatenate(who), np.concatenate(lane), np.concatenate(tails)
 

@@ -112,7 +112,7 @@ static void enter_next(K *k, I i, I r) {
   LANE(r, NUM_LANES - 1) = choose(k, i, LANE(r, NUM_LANES - 2), k->turns[r] + NUM_LANES - 1);
   I lane = k->lane[r];
   if (k->wait_point[lane] != 0.0) return;
-  k->held[r] = lane;
+  if (!find_entered(k, i, r, k->held[r])) k->held[r] = lane; /* else the nose is on a later one */
   if (k->claim[r] == lane) k->claim[r] = -1;
 }
 

@@ -89,14 +89,14 @@ static I keep_those_with_room(K *k, I num) {
   return kept;
 }
 
-/* _find_holds: the tail of driver i on a lane that it holds or that is under its body; inf for none. */
+/* _find_holds: the tail of driver i on a lane that it holds; -inf on those under its body before it; inf for none. */
 static D tail_on(const K *k, I i, I lane) {
   I r = k->rows[i], held = k->held[r];
   if (held < 0) return INFINITY;
   D tail = tail_on_held(k, i, r);
   D found = lane == held ? tail : INFINITY;
   for (I j = 0; isinf(tail) && j < NUM_LANES - 1 && LANE(r, j) != held; j++)
-    if (LANE(r, j) == lane) found = least(found, j ? -INFINITY : k->arc[r] - k->rear[i]);
+    if (LANE(r, j) == lane) found = -INFINITY;
   return found;
 }
 
@@ -115,7 +115,7 @@ static void take_lanes(K *k) {
     take(k, held, tail_on_held(k, i, r));
     if (!isinf(tail_on_held(k, i, r))) continue;
     for (I j = 0; j < NUM_LANES - 1 && LANE(r, j) != held; j++)
-      take(k, LANE(r, j), j ? -INFINITY : k->arc[r] - k->rear[i]);
+      take(k, LANE(r, j), -INFINITY);
   }
   for (I j = 0; j < k->num_moving; j++) take(k, k->other_lane[j], k->other_tail[j]);
   for (I i = 0; i < k->n; i++)

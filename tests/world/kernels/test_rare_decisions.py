@@ -1,0 +1,155 @@
+"""Loops in C and arrays decide the same from any state: claims, holds, speeds and changes of lanes at random."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Body, Gear, Kind, World
+from tests.world.kernels.compiled_loops import needs_compiler
+from tests.world.kernels.test_lane_kernel import check_both
+from tests.world.lane_drives import BUS
+from tests.world.road_factory import CAR, arc, line
+
+pytestmark = needs_compiler
+
+BODIES = (CAR, CAR, BUS, Body(2.6, 1.5, 1.5, wheelbase=1.8, front_overhang=0.4, rear_overhang=0.4))
+
+Lanes = dict[str, tuple[FloatArray, str]]
+"""By name: the line, and the names of the successors with a blank between them; a name with `!` has a stop line."""
+
+
+def short_crossing() -> Lanes:
+    """Lanes shorter than a car's nose: drivers hold lanes that their axles have not reached, and cross themselves."""
+    lanes: Lanes = {}
+    for name, across in (("w", (0.0, 1.0)), ("s", (1.0, 0.0)), ("v", (0.6, 0.8))):
+        places = [-40, -14, -12, -9, -4, -1, 2, 5, 30]
+        for i, (start, end) in enumerate(pairwise(places)):
+            corners = [(place * across[1], place * across[0]) for place in (start, end)]
+            lanes[f"{name}{i}"] = line(*corners), f"{name}{(i + 1) % 8}" + (" s6 v6" if i == 5 else "")
+    return lanes
+
+
+def tight_bends() -> Lanes:
+    """Both directions of a road with a tight bend: cars pass each other there, buses do not."""
+
+    def way(radius: float) -> FloatArray:
+        return np.concatenate([line((-30, radius)), arc(0, 0, radius, 90, -90), line((radius, -30))])
+
+    return {"in": (way(9.0), "out"), "out": (way(12.5)[::-1], "in")}
+
+
+def roundabout() -> Lanes:
+    """Eight short lanes in a circle; each other one has a way in, and one out."""
+    lanes: Lanes = {}
+    for i in range(8):
+        lanes[f"r{i}"] = arc(0, 0, 9.0, 45.0 * i, 45.0), f"r{(i + 1) % 8}" + (f" o{i}" if i % 2 else "")
+        end = np.radians(45.0 * (i + i % 2))
+        x, y = 9.0 * float(np.cos(end)), 9.0 * float(np.sin(end))
+        if i % 2:
+            lanes[f"o{i}"] = line((x, y), (3.0 * x + 4.0 * y / 9.0, 3.0 * y - 4.0 * x / 9.0)), f"i{(i + 1) % 8}!"
+        else:
+            lanes[f"i{i}!"] = line((3.0 * x, 3.0 * y), (x, y)), f"r{i}"
+    return lanes
+
+
+def merging() -> Lanes:
+    """Three roads become one, which one of them has a stop line for; then a way back."""
+    return {
+        "m1": (line((-50, 0), (-12, 0)), "n1"),
+        "n1": (line((-12, 0), (0, 0)), "p"),
+        "m2!": (line((-50, 20), (-12, 6)), "n2"),
+        "n2": (line((-12, 6), (-6, 2), (0, 0)), "p"),
+        "m3": (line((-12, -40), (-12, -10)), "n3"),
+        "n3": (line((-12, -10), (-8, -2), (0, 0)), "p"),
+        "p": (line((0, 0), (7, 0)), "q"),
+        "q": (line((7, 0), (40, 0)), "m1 m2! m3"),
+    }
+
+
+def wide_road() -> Lanes:
+    """Three lanes side by side in short pieces; the left one ends, the right one has two ways in."""
+    lanes: Lanes = {}
+    for k, name in enumerate("abc"):
+        for i in range(9 if name != "a" else 6):
+            onward = f"{name}{(i + 1) % 9}" if name != "a" or i < 5 else ""
+            lanes[f"{name}{i}"] = line((8 * i, -3.5 * k), (8 * i + 8, -3.5 * k)), onward
+    lanes["d0"] = line((-30, -20), (-7, -7), (0, -7)), "c0"
+    lanes["d1"] = line((-30, -7), (0, -7)), "c0"
+    return lanes
+
+
+@cache
+def everything() -> Roads:
+    """All of these, far from one another."""
+    every: Lanes = {}
+    for at, part in enumerate((short_crossing, tight_bends, roundabout, merging, wide_road)):
+        every |= {name: (np.add(points, (1000.0 * at, 0.0, 0.0)), onward) for name, (points, onward) in part().items()}
+    names = list(every)
+    left = [
+        names.index(to) if (to := {"b": "a", "c": "b"}.get(name[0], "") + name[1:]) in every else -1 for name in names
+    ]
+    right = [left.index(row) if row in left else -1 for row in range(len(names))]
+    return Roads(
+        names,
+        [points for points, _ in every.values()],
+        [[names.index(name) for name in onward.split()] for _, onward in every.values()],
+        [3.5] * len(names),
+        [15.0] * len(names),
+        left=left,
+        right=right,
+        is_stop=[name.endswith("!") for name in names],
+    )
+
+
+def any_state(roads: Roads, seed: int, num: int) -> World:
+    """Drivers anywhere in any state: what no drive of a minute would meet."""
+    world, rng = World(seed), np.random.default_rng(seed)
+    world.lay_roads(roads)
+    world.frame = 1000 + 25 * (seed % 4)
+    starts = []
+    for _ in range(num):
+        speed = max(float(rng.uniform(-6.0, 9.0)), 0.0)
+        body = BODIES[rng.integers(0, 4)]
+        row = world.row(world.spawn(Kind.VEHICLE, body, name="car", x=0.0, y=0.0, speed=speed))
+        lane = int(rng.integers(0, len(roads)))
+        desired = float(rng.choice([np.inf, 0.0, 5.0], p=[0.8, 0.1, 0.1]))
+        starts.append(LaneStart(row, lane, float(rng.uniform(0.0, roads.length[lane])), desired_speed=desired))
+    keep_lanes(world, starts)
+    for row in range(world.n):
+        ahead = world.int_block("lane", "ahead_5")[:, row]
+        some = [-1, *ahead[ahead >= 0][:4].tolist()]
+        world.claim[row], world.held[row], world.exit_lane[row] = rng.choice(some, 3)
+        if rng.random() < 0.4:
+            world.claim[row] = -1
+        world.change[row], world.came_from[row] = rng.integers(0, 6), rng.integers(0, 3)
+        world.signal[row] = rng.integers(1, 3) if world.change[row] else 0
+        world.change_since[row] = world.frame - rng.choice([0, 80, 350, 420, 800])
+    for lane in rng.integers(0, len(roads), 5).tolist():  # vehicles that follow no lanes
+        place, yaw = roads.at(np.array([lane]), np.array([0.5 * roads.length[lane]]))
+        x, y, z = place[0]
+        body, speed = BODIES[rng.integers(1, 3)], float(rng.choice([0.0, 4.0]))
+        world.spawn(Kind.EGO, body, name="ego", x=x, y=y, z=z, yaw=yaw[0], speed=speed, gear=Gear.NEUTRAL)
+    return world
+
+
+def check_states(num: int, seeds: range) -> None:
+    for seed in seeds:
+        one, other = (any_state(everything(), seed, num) for _ in range(2))
+        check_both(one, other, 6)
+
+
+@pytest.mark.parametrize(("num", "seeds"), [(15, range(4)), (40, range(4)), (90, range(3, 7))])
+def test_decisions_are_the_same_from_any_state(num: int, seeds: range) -> None:
+    check_states(num, seeds)
+
+
+@pytest.mark.parametrize("num", [20, 60, 120])
+def test_decisions_are_the_same_from_many_states(num: int) -> None:
+    check_states(num, range(100, 130))
