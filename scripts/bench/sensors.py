@@ -37,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.client import Client
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, mount, rotation
 from rosbridge_sim.scenery.mesh import Mesh
-from rosbridge_sim.scenery.pictures import Channel
+from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
@@ -143,9 +143,9 @@ def readings(name: str, rounds: int) -> None:
         bare, (view, _) = BareRenderer(static, (width, height)), _matrices(camera, rotation(*pose[3:]), eye)
 
         draw = partial(renderer.render, static, frame, camera, pose)
-        own = cost(partial(draw, channels=Channel.RGB), rounds)
+        own = cost(partial(draw, PictureChoices(channels=Channel.RGB)), rounds)
         floor = cost(partial(bare.draw, view), rounds)
-        rgb = draw(channels=Channel.RGB).rgb
+        rgb = draw(PictureChoices(channels=Channel.RGB)).rgb
         assert rgb is not None
         jpeg, whole = cost(partial(encode_jpeg, rgb, 90), rounds), cost(draw, rounds)
         print(f"{f'{width} x {height} [ms]':34}{own:9.1f}{floor:9.1f}{own / floor:8.2f}{jpeg:9.1f}{whole:11.1f}")

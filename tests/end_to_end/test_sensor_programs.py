@@ -169,7 +169,7 @@ def test_scan_stops_the_car_before_an_obstacle(server: ServerProcess, client: Cl
 
 def test_camera_stops_the_car_at_red_and_lets_it_go_at_green(server: ServerProcess, client: Client) -> None:
     client.set_object(0, x=75.0, y=SOUTH, heading_deg=0.0)
-    lights = [light.name for light in town().plan.lights if light.name.startswith("TL30W")]  # type: ignore[union-attr]
+    lights = [light.name for light in town().plan.lights if light.name.startswith("TL30W")]
     status = client.subscribe("/Ego_topic", keep=100_000)
 
     def show(state: int) -> None:

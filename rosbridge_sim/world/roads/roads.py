@@ -429,7 +429,7 @@ class Roads:
         self.chain = chain_end - gap
         self.base = self.chain[self.first[:-1]]
         self.s = self.chain - self.base[lane_of_point]
-        self.length = self.s[self.first[1:] - 1]
+        self.length: FloatArray = self.s[self.first[1:] - 1]
         self.last_leg = self.first[1:] - 2
         self.leg_end_of = np.append(self.s[1:], 0.0)
         self.segment_of_point = np.cumsum(~is_last) - 1
