@@ -11,11 +11,13 @@ import ctypes
 import os
 import platform
 import shlex
+import signal
 import stat
 import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from hashlib import blake2b
 from importlib.resources import files
@@ -115,15 +117,28 @@ def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
 
 
 def _run(command: Sequence[str]) -> tuple[int, str]:
-    """Run a compiler, which ends with this process; return its status and what it said."""
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as compiling:  # noqa: S603 - the user's own
-        atexit.register(compiling.kill)
+    """Run a compiler, which ends with this process, as do its own children; return its status and what it said."""
+    with subprocess.Popen(  # noqa: S603 - the user's own
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+    ) as compiling:
+        atexit.register(_end, compiling)
         try:
             _, said = compiling.communicate(timeout=MAX_SECONDS)
         finally:
-            compiling.kill()
-            atexit.unregister(compiling.kill)
+            _end(compiling)
+            atexit.unregister(_end)
     return compiling.returncode, said.decode(errors="replace").strip()[:500]
+
+
+def _end(compiling: subprocess.Popen[bytes]) -> None:
+    """End a compiler that runs, and where there are groups of processes, those that it has started."""
+    if compiling.poll() is not None:
+        return
+    if sys.platform == "win32":
+        compiling.kill()
+        return
+    with suppress(ProcessLookupError):
+        os.killpg(compiling.pid, signal.SIGKILL)
 
 
 def load_library(path: Path) -> CompiledLoops:

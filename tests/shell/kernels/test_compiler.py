@@ -174,7 +174,7 @@ def test_compiler_ends_with_its_process(tmp_path: Path) -> None:
         "import time\nfrom pathlib import Path\nfrom rosbridge_sim.shell.kernels.backend import start_kernels\n"
         f"start_kernels()\nwhile not Path({str(tmp_path / 'pid')!r}).exists():\n    time.sleep(0.01)\n"
     )
-    compiling = f"sh -c 'echo $$ > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; exec sleep 100'"
+    compiling = f"sh -c 'sleep 100 & echo $! > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; wait'"
     environment = os.environ | {VARIABLE: compiling, "XDG_CACHE_HOME": str(tmp_path)}
     subprocess.run([sys.executable, "-c", program], env=environment, check=True)
     status = Path("/proc") / (tmp_path / "pid").read_text().strip() / "status"
