@@ -277,15 +277,17 @@ def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArr
 def rear_axles(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the places of the rear axles, (k, 3) [m], and what `headings` returns, with one search for both axles."""
     arcs = np.concatenate([arc, arc + wheelbase])
-    places, yaw = roads.at(*find_ahead(roads, np.concatenate([lanes, lanes], axis=1), arcs))
-    num = len(arc)
+    point, share = roads.locate(*find_ahead(roads, np.concatenate([lanes, lanes], axis=1), arcs))
+    places, num = roads.places(point, share), len(arc)
     rear = places[:num]
     step = places[num:] - rear
     east, north = step[:, 0], step[:, 1]
     # At the end of the last lane there is no line for the front axle: take the direction of the lane.
     is_short = np.hypot(east, north) < 0.5 * wheelbase
     heading = np.arctan2(north, east)
-    return rear, np.where(is_short, yaw[num:], heading) if np.count_nonzero(is_short) else heading
+    if np.count_nonzero(is_short):
+        heading[is_short] = roads.between(point[num:][is_short], share[num:][is_short])[1]
+    return rear, heading
 
 
 def headings_ahead(

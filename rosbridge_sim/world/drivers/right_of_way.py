@@ -100,7 +100,10 @@ def find_entered(roads: Roads, lanes: IntArray, nose: FloatArray, lane: IntArray
         lanes, lane, beyond = lanes.take(at, axis=1), lane[at], nose[at]
         for i, (here, there) in enumerate(pairwise(lanes), 1):
             beyond = beyond - roads.length[here]
-            place[at[(there == lane) & (lane >= 0) & (beyond >= 0.0)]] = i
+            is_on = beyond >= 0.0
+            if not np.count_nonzero(is_on):
+                break
+            place[at[is_on & (there == lane) & (lane >= 0)]] = i
     return place
 
 
@@ -237,11 +240,14 @@ def _tail_on_held_lane(conflicts: LaneConflicts, drivers: Drivers, at: IntArray)
 
     It is -inf if only the nose is there.
     """
-    held = drivers.held[at]
-    is_behind = drivers.lanes[0][at] != held
-    tail = np.asarray(drivers.arc[at] - drivers.rear[at] + np.where(is_behind, conflicts.roads.length[held], 0.0))
-    nose = drivers.arc[at] + drivers.nose[at]
-    tail[is_behind & (find_entered(conflicts.roads, drivers.lanes.take(at, axis=1), nose, held) > 0)] = -np.inf
+    held, tail = drivers.held[at], drivers.arc[at] - drivers.rear[at]
+    beside = (drivers.lanes[0][at] != held).nonzero()[0]  # the reference point is behind that lane, or before it
+    if len(beside):
+        lane, which = held[beside], at[beside]
+        tail[beside] += conflicts.roads.length[lane]
+        nose = drivers.arc[which] + drivers.nose[which]
+        place = find_entered(conflicts.roads, drivers.lanes.take(which, axis=1), nose, lane)
+        tail[beside[place > 0]] = -np.inf
     return tail
 
 
@@ -249,9 +255,12 @@ def _find_holds(conflicts: LaneConflicts, drivers: Drivers) -> tuple[IntArray, I
     """Return the lanes that drivers hold or that are under their bodies: drivers, lanes and tails [m], (m,) each."""
     at = (drivers.held >= 0).nonzero()[0]
     held, tail = drivers.held[at], _tail_on_held_lane(conflicts, drivers, at)
+    is_entered = np.isinf(tail)
+    if not np.count_nonzero(is_entered):
+        return at, held, tail
     found = [(at, held, tail)]
     # From the reference point to the lane that the nose is on: each is taken as a whole
-    at = at[np.isinf(tail)]
+    at = at[is_entered]
     for lanes in drivers.lanes[:-1]:
         at = at[lanes[at] != drivers.held[at]]
         if not len(at):
@@ -296,6 +305,8 @@ def _are_taken(
     """
     rival, figure, num = conflicts.rivals.other[link], conflicts.rivals.figure[link], len(conflicts.wait_point)
     is_taken = _taken(conflicts, drivers, holds, moving)[rival] < figure
+    if not np.count_nonzero(drivers.held[who] >= 0):
+        return np.zeros(len(who), dtype=bool), is_taken
     # Where lanes are short the driver itself may be on the rival.
     is_own = is_among(who * num + rival, holds[0] * num + holds[1])
     for pair in (is_own & is_taken).nonzero()[0].tolist():

@@ -24,7 +24,7 @@ import numpy as np
 from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, HARDEST, Perception
 from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH, DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
-from rosbridge_sim.world.drivers.lane_position import find_ahead, headings, set_legs
+from rosbridge_sim.world.drivers.lane_position import rear_axles, set_legs
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_decision import BLOCKED_WAY, LaneLook
@@ -260,8 +260,7 @@ class LaneChanges:
         lateral, own_yaw = np.zeros(len(which)), world.yaw[rows] - world.wander_slope[rows]
         yaw = own_yaw
         for _ in range(4):  # each round makes the error some tens of times less
-            foot, _ = roads.at(*find_ahead(roads, lanes, s))
-            yaw = headings(roads, lanes, s, wheelbase)
+            foot, yaw = rear_axles(roads, lanes, s, wheelbase)
             east, north = x - foot[:, 0], y - foot[:, 1]
             s = np.fmin(np.fmax(s + east * np.cos(yaw) + north * np.sin(yaw), 0.0), np.nextafter(roads.length[lane], 0))
             lateral = north * np.cos(yaw) - east * np.sin(yaw)

@@ -236,19 +236,24 @@ class Roads:
 
     def between(self, point: IntArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what `at` returns, for places as `locate` returns them."""
+        curve, segment = self.curve.take(point, axis=0), self.segment_of_point[point]
+        yaw = self.segments.angle[segment]
+        if np.count_nonzero(curve):
+            length = self.segments.length[segment]
+            yaw = wrap_angle(yaw + np.arctan(bends.slope(curve, share * length, length)))
+        return self.places(point, share), yaw
+
+    def places(self, point: IntArray, share: FloatArray) -> FloatArray:
+        """Return the points alone that `between` returns, (n, 3) [m], without their directions."""
         start, curve = self.points.take(point, axis=0), self.curve.take(point, axis=0)
         step = self.points.take(point + 1, axis=0) - start
         place = start + share[:, None] * step
-        segment = self.segment_of_point[point]
-        yaw = self.segments.angle[segment]
-        if not np.count_nonzero(curve):
-            return place, yaw
-        length = self.segments.length[segment]
-        along = share * length
-        aside = bends.offset(curve, along, length) / length
-        place[:, 0] -= aside * step[:, 1]
-        place[:, 1] += aside * step[:, 0]
-        return place, wrap_angle(yaw + np.arctan(bends.slope(curve, along, length)))
+        if np.count_nonzero(curve):
+            length = self.segments.length[self.segment_of_point[point]]
+            aside = bends.offset(curve, share * length, length) / length
+            place[:, 0] -= aside * step[:, 1]
+            place[:, 1] += aside * step[:, 0]
+        return np.asarray(place)
 
     def beside(self, places: LanePlaces) -> tuple[FloatArray, FloatArray]:
         """Return how far the edges of their lanes are from given places.
