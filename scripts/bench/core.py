@@ -18,6 +18,7 @@ import json
 import logging
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median, quantiles
 
@@ -39,6 +40,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.state.world import Dynamics, Kind, World
+from rosbridge_sim.world.step import step
 from scripts.bench.program import machine
 
 TICKS_PER_ROUND = 1_000
@@ -47,6 +49,9 @@ STEPS = 100
 """Ticks in one call of `/sim/step`."""
 
 CALLS_PER_ROUND = 5
+
+SECOND = 50
+"""Ticks in a simulated second, in which each driver looks at the lanes beside it once."""
 
 
 PATHS = Path(__file__).with_name("paths.json")
@@ -154,7 +159,20 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
     args = in_turn.parse(parser)
     logging.disable(logging.WARNING)
-    if in_turn.run(args, {"tick": lambda: (Core(args.objects, scenario=args.scenario).tick, 1)}, "tick"):
+    in_turn.wait_for_kernels()
+
+    def in_turns(work: Callable[[Core], object]) -> tuple[in_turn.Work, int]:
+        core = Core(args.objects, scenario=args.scenario)
+        return lambda: [work(core) for _ in range(SECOND)], SECOND
+
+    if in_turn.run(
+        args,
+        {
+            "tick": lambda: in_turns(Core.tick),
+            "step of the world alone": lambda: in_turns(lambda core: step(core.world)),
+        },
+        "tick",
+    ):
         return
     core = Core(args.objects, scenario=args.scenario)
     latencies: list[float] = []

@@ -137,6 +137,17 @@ def _ask(into: IO[str], output: IO[str], num: int) -> float:
     return float(output.readline())
 
 
+def wait_for_kernels() -> str:
+    """Start the compiled loops, if there is a compiler, and return what drives vehicles on lanes."""
+    try:
+        from rosbridge_sim.shell.kernels.backend import backend, start_kernels  # noqa: PLC0415 - see below
+    except ImportError:  # a checkout of before
+        return "arrays"
+    if (thread := start_kernels()) is not None:
+        thread.join()
+    return backend()
+
+
 def parse(parser: argparse.ArgumentParser, arguments: Sequence[str] | None = None) -> argparse.Namespace:
     """Return the options of a command line with the flags of `run`."""
     add_flags(parser)

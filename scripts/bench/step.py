@@ -264,17 +264,6 @@ MAKERS: dict[str, Callable[[int], World]] = {
 }
 
 
-def wait_for_kernels() -> str:
-    """Start the compiled loops, if there is a compiler, and return what drives vehicles on lanes."""
-    try:
-        from rosbridge_sim.shell.kernels.backend import backend, start_kernels  # noqa: PLC0415 - see below
-    except ImportError:  # a checkout of before
-        return "arrays"
-    if (thread := start_kernels()) is not None:
-        thread.join()
-    return backend()
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="cost of one step of the world")
@@ -282,7 +271,7 @@ def main() -> None:
     parser.add_argument("--sizes", default="10,100,1000,10000")
     parser.add_argument("--cases", default=",".join(MAKERS), help="[%(default)s]")
     arguments = in_turn.parse(parser)
-    driven_by = wait_for_kernels()
+    driven_by = in_turn.wait_for_kernels()
     sizes, names = [int(num) for num in arguments.sizes.split(",")], arguments.cases.split(",")
     if in_turn.run(
         arguments,

@@ -39,9 +39,9 @@ from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
 from rosbridge_sim.world.followers.lane_following import DECISION  # noqa: E402
 from rosbridge_sim.world.state.world import DT  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
-from scripts.bench import sumo_runs  # noqa: E402
+from scripts.bench import in_turn, sumo_runs  # noqa: E402
 from scripts.bench.reference import reference_line  # noqa: E402
-from scripts.bench.step import towns, wait_for_kernels  # noqa: E402
+from scripts.bench.step import towns  # noqa: E402
 from scripts.bench.sumo_network import Network, convert  # noqa: E402
 from scripts.bench.traffic_cases import (  # noqa: E402
     QUEUE_RED,
@@ -354,7 +354,7 @@ def main() -> int:
             parser.error(f"--parts: expected some of {', '.join(parts)}; got {', '.join(sorted(unknown))}")
         images.mkdir(parents=True, exist_ok=True)
         print(reference_line())
-        print(f"vehicles on lanes: {wait_for_kernels()}")
+        print(f"vehicles on lanes: {in_turn.wait_for_kernels()}")
         for part in wanted:
             table = as_markdown(parts[part]())
             print(f"\n## {part}\n\n{table}", flush=True)
