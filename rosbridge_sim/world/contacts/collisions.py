@@ -18,7 +18,9 @@ a slope from its lowest to its highest end.
 *How it is cheap.* Usually no entity is near another. A *list* holds the pairs that could meet within the next `LIFE`
 steps if every entity kept its velocity, or strayed from that by less than a margin. An entity that strays by more ends
 the list. The list is made by the same judgement, of boxes enlarged by the margins. While it is empty, a step costs a
-few comparisons of whole arrays. The list decides which pairs are looked at, and never changes what is found.
+few comparisons of whole arrays. The list decides which pairs are looked at, and never changes what is found. Nor do the
+*gaps*, the distances between the boxes of listed pairs when none touched: while no pair has come closer by more than
+its gap, nothing touches.
 
 Nothing depends on rows or on the order of spawning: pairs are sorted by id.
 """
@@ -37,6 +39,7 @@ from rosbridge_sim.world.geometry.planar import (
     ComplexArray,
     FloatArray,
     IntArray,
+    box_gaps,
     distinct,
     do_boxes_meet,
     in_columns,
@@ -94,9 +97,11 @@ class CollisionDetector:
         *(
             "_centre",
             "_drift",
+            "_gap",
             "_half",
             "_is_out",
             "_chord",
+            "_judged",
             "_life",
             "_margin",
             "_may_meet",
@@ -311,11 +316,29 @@ class CollisionDetector:
         self._chord = GRAIN / np.maximum(corner, GRAIN)
         # An arc is at most pi / 2 times its chord; the middle of the box is on an arc, too.
         self._swing = 0.5 * math.pi * (corner + np.abs(self._centre))
+        self._gap = np.zeros(pairs.shape[1])
+        self._judged = np.zeros((POSE_YAW + 1, *pairs.shape))
 
     # The judgement
 
+    def _are_still_apart(self) -> bool:
+        """Return whether no pair of the list has used up its gap, neither as the step began nor as it ended."""
+        if self._gap[0] <= 0.0:
+            return False
+        way = self._places.take(self._pairs, axis=2)  # (2, 3, 2, m)
+        way -= self._judged
+        nearer = way[:, :POSE_YAW, 1] - way[:, :POSE_YAW, 0]
+        np.absolute(nearer, nearer)
+        turn = way[:, POSE_YAW]
+        np.absolute(turn, turn)
+        turn *= self._swing
+        turn += nearer
+        return not np.count_nonzero(turn[:, 0] + turn[:, 1] >= self._gap)
+
     def _judge(self) -> IntArray:
         """Return the pairs of the list that touch, as ids."""
+        if self._are_still_apart():
+            return NO_CONTACTS
         pairs = self._pairs
         poses = self.poses.take(pairs, axis=2)  # (2, 5, 2, m)
         heading = _unit(poses[:, POSE_YAW])
@@ -327,6 +350,8 @@ class CollisionDetector:
         # Whatever a box passes while it turns is within the box that is larger by the way of its corners.
         room = self._half + (turn * self._swing)[..., None]
         if not np.count_nonzero(do_boxes_meet(apart[0], apart[1], heading[1], room)):
+            self._gap = box_gaps(apart[1], heading[1], self._half) - TOUCHING
+            self._judged = poses[1, : POSE_YAW + 1]
             return NO_CONTACTS
         is_hit = do_boxes_meet(apart[0], apart[1], heading[1], self._half)
         stray = turn / self._chord

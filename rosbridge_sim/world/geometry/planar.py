@@ -202,10 +202,7 @@ def do_boxes_meet(first: ComplexArray, last: ComplexArray, heading: ComplexArray
     middle, slide = (first + last) * 0.5, (last - first) * 0.5
     into = heading.conj()
     to_other, along_slide = np.abs(_parts(middle * into)), np.abs(_parts(slide * into))
-    between = heading[0] * into[1]
-    cos, sin = np.abs(between.real)[..., None], np.abs(between.imag)[..., None]
-    # How far the octagon reaches along the normals of each box's edges: (length, width) in that box's own frame.
-    reach = half + half[::-1] * cos + half[::-1, ..., ::-1] * sin
+    reach = _octagon(heading[0] * into[1], half)
     is_in = to_other <= reach + along_slide
     is_near: BoolArray = is_in[0] & is_in[1]
     is_near = is_near[..., 0] & is_near[..., 1]
@@ -216,6 +213,34 @@ def do_boxes_meet(first: ComplexArray, last: ComplexArray, heading: ComplexArray
     breadth = half * along_slide[..., ::-1]
     breadth = breadth[0] + breadth[1]
     return np.asarray(is_near & (across <= breadth[..., 0] + breadth[..., 1]))
+
+
+def box_gaps(apart: ComplexArray, heading: ComplexArray, half: FloatArray) -> FloatArray:
+    """Return the widest strip between the boxes of each pair, along an edge of one of them.
+
+    Args:
+        apart: (m,) from the middle of the one box to that of the other [m].
+        heading: (2, m) unit vectors along the length of each box.
+        half: (2, m, 2) half of length and width of each box [m].
+
+    Returns:
+        (m,) a distance that they have at least [m]; below zero where boxes overlap.
+    """
+    into = heading.conj()
+    strips = np.abs(_parts(apart * into)) - _octagon(heading[0] * into[1], half)
+    return np.asarray(strips.max(axis=(0, 2)))
+
+
+def _octagon(between: ComplexArray, half: FloatArray) -> FloatArray:
+    """Return how far the octagon of two boxes reaches along the normals of each one's edges, in its own frame [m].
+
+    Args:
+        between: (..., m) unit vectors, the heading of the one box in the frame of the other.
+        half: (2, ..., m, 2) half of length and width of each box [m].
+    """
+    cos, sin = np.abs(between.real)[..., None], np.abs(between.imag)[..., None]
+    reach: FloatArray = half + half[::-1] * cos + half[::-1, ..., ::-1] * sin
+    return reach
 
 
 def _parts(vectors: ComplexArray) -> FloatArray:

@@ -13,7 +13,7 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.world.contacts import collisions
 from rosbridge_sim.world.contacts.collisions import LIFE, MARGIN, MAX_PAIRWISE, TURN_MARGIN
 from rosbridge_sim.world.geometry import near_pairs
-from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, do_boxes_meet
+from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, do_boxes_meet, wrap_angle
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
@@ -382,6 +382,58 @@ def test_two_entities_that_use_up_their_margins_at_once_collide() -> None:
         world.x[row] += side * aside
         world.y[row] -= side * aside
         world.yaw[row] -= side * turn
+    collisions.find(world, before)
+    assert pairs(world) == [(1, 2)]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pairs_that_are_not_judged_while_they_keep_their_gaps_do_not_touch(seed: int) -> None:
+    """Boxes drift, turn past west and jump between the steps; each step is judged anew beside it."""
+    rng, num = np.random.default_rng(seed), 6
+    world = World()
+    for i in range(num):
+        yaw = rng.choice([math.pi, -math.pi])
+        world.spawn(Kind.VEHICLE, CAR, name="x", x=6.0 * (i % 3), y=2.6 * (i // 3), yaw=yaw)
+    pace, reach, home = (
+        rng.uniform(0.02, 0.1, (3, num)),
+        rng.uniform(0.1, 0.5, (3, num)),
+        world.block("x", "yaw").copy(),
+    )
+    num_apart = num_touched = 0
+    for k in range(200):
+        if k % 40 == 39:  # between two steps
+            world.x[k % num] += rng.uniform(-2.0, 2.0)
+        detector = collisions.remember(world)
+        world.x[:num] = home[0] + reach[0] * np.sin(pace[0] * k) + 0.2 * k
+        world.y[:num] = home[1] + reach[1] * np.sin(pace[1] * k)
+        world.yaw[:num] = wrap_angle(home[-1] + 0.2 * reach[2] * np.sin(pace[2] * k))
+        detector = collisions.find(world, detector)
+        found, kept = world.contacts.tolist(), (detector._gap, detector._judged)
+        if detector._pairs.size:
+            is_skipped = detector._are_still_apart()
+            num_apart += is_skipped and not np.array_equal(kept[1], detector.poses[1, :3].take(detector._pairs, axis=1))
+            detector._gap = np.zeros_like(kept[0])
+            assert found == detector._judge().tolist()
+            detector._gap, detector._judged = kept
+        num_touched += len(found) > 0
+    assert num_apart > 10
+    assert num_touched > 0
+
+
+@pytest.mark.parametrize(("between", "within", "turn"), [(0.1, -0.1, 0.0), (0.0, 0.1, 0.0), (0.0, 0.0, 0.04)])
+def test_pair_that_uses_up_its_gap_in_one_step_touches(between: float, within: float, turn: float) -> None:
+    """Two cars side by side, 5 cm apart: one is aside only as a step begins, or as it ends, or turns."""
+    world = World()
+    for y in (0.0, CAR.width + 0.05):
+        world.spawn(Kind.VEHICLE, CAR, name="x", x=0.0, y=y)
+    for _ in range(3):
+        collisions.find(world, collisions.remember(world))
+        assert pairs(world) == []
+    assert world.derived(collisions.CollisionDetector)._gap[0] == pytest.approx(0.05, abs=1e-5)
+    world.y[0] += between
+    before = collisions.remember(world)
+    world.y[0] += within
+    world.yaw[0] += turn
     collisions.find(world, before)
     assert pairs(world) == [(1, 2)]
 
