@@ -62,7 +62,8 @@ def look_one_by_one(
 class _LaneRows(dict[int, tuple[float, ...]]):
     """The numbers of lanes that somebody has looked at; get it by `roads.derived`.
 
-    These are the length and the wait point [m], and those of `slow_down` at the start.
+    These are the length and the wait point [m], and those of `slow_down` at the start. The lanes of many worlds are
+    those of their map, repeated.
     """
 
     def __init__(self, roads: Roads) -> None:
@@ -71,8 +72,9 @@ class _LaneRows(dict[int, tuple[float, ...]]):
 
     def __missing__(self, lane: int) -> tuple[float, ...]:
         roads, conflicts = self._roads, self._conflicts
-        _, limit, least_limit, _, bend, least_bend, _ = conflicts.speeds_ahead[roads.first[lane]].tolist()
-        length, wait_point = roads.length.item(lane), conflicts.wait_point.item(lane)
+        in_map = lane % len(roads)
+        _, limit, least_limit, _, bend, least_bend, _ = conflicts.speeds_ahead[roads.first[in_map]].tolist()
+        length, wait_point = roads.length.item(in_map), conflicts.wait_point.item(in_map)
         self[lane] = length, wait_point, limit, least_limit, bend, least_bend
         return self[lane]
 

@@ -10,6 +10,7 @@ from rosbridge_sim.world.drivers import driver_model, driver_perception
 from rosbridge_sim.world.drivers.driver_model import Perception, SlowVehicles, accelerate
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.worlds.worlds import Worlds
 from tests.world.drivers.test_looks_ahead_one_by_one import a_situation, again, blocks
 from tests.world.road_factory import built_in
 
@@ -53,3 +54,13 @@ def test_few_drivers_perceive_and_choose_what_many_do(
         accel = accelerate(drivers.speed, perception, drivers.parameters)
         found.append([*bits(perception), drivers.claim.tobytes(), drivers.exit_lane.tobytes(), accel.tobytes()])
     assert found[0] == found[1]
+
+
+def test_few_drivers_of_many_worlds_look_as_many_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = (Worlds("parking", 3, traffic=1, seed=1) for _ in range(2))
+    for _ in range(5):
+        one.step(n=20)
+        with monkeypatch.context() as patched:
+            patched.setattr(driver_perception, "FEW", 0)
+            other.step(n=20)
+        assert one.digests() == other.digests()
