@@ -24,6 +24,7 @@ from rosbridge_sim.maps.mgeo_lights import (
 from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES, Identifier, find_lane_mistakes, read_lanes
 from rosbridge_sim.maps.mgeo_markings import MARKING_FILE, SIGN_FILE, read_markings, read_signs
 from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.surface import Surface
 
 FILES: Final = ("node_set.json", "link_set.json")
@@ -78,7 +79,7 @@ def read_mgeo(files: Mapping[str, bytes], source: str) -> RoadMap:
     markings, signs = read_markings(known, notes), read_signs(known, notes)
     return RoadMap(
         *(name, projection, origin, lanes.roads),
-        plan=plan,
+        plan=plan if plan.lights else SignalPlan(lanes.roads),
         crosswalks=crosswalks,
         notes=tuple(_short(notes)),
         borders=lanes.borders,

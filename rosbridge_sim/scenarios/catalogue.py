@@ -15,7 +15,6 @@ from typing import Final
 
 from rosbridge_sim.records import Record
 from rosbridge_sim.suggestions import hint
-from rosbridge_sim.units import KMH_TO_MPS
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
 
@@ -113,7 +112,7 @@ def _read_vehicles(table: str) -> Iterator[Model]:
             grip_along=row["along"],
             launch_accel=row["launch"],
             power=row["power"],
-            top_speed=row["top"] * KMH_TO_MPS,
+            top_speed=row["top"] / 3.6,
             air_drag=round(0.5 * _AIR * row["drag"] / row["mass"], 6),
             **{**_USUAL, **_UNUSUAL.get(name, {})},
         )

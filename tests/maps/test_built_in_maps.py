@@ -13,7 +13,7 @@ from rosbridge_sim.maps.mgeo_lights import light_type
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.roads.signal_plan import Lamp, SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 from tests.support import ROOT
 from tests.world.road_factory import MAPS, built_in
@@ -72,6 +72,12 @@ def test_built_in_maps_are_read_without_notes(name: str) -> None:
     road_map = built_in(name)
     assert road_map.notes == ()
     assert sorted(path.name for path in MAPS.iterdir()) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("name", ["loop", "motorway", "parking", "roundabout"])
+def test_map_without_lights_has_the_plan_of_a_world_without_one(name: str) -> None:
+    """Its digest is part of the state hash."""
+    assert built_in(name).plan.digest == SignalPlan(built_in(name).roads).digest
 
 
 def test_motorway_lanes_are_neighbours() -> None:

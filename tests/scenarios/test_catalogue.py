@@ -56,6 +56,11 @@ def test_known_models_have_the_documented_numbers() -> None:
     assert BUILT_IN.of_data_id(30200001, Kind.VEHICLE) is None
 
 
+def test_top_speeds_are_the_documented_ones_to_the_bit() -> None:
+    """They are part of the state hash: a factor in place of the quotient differs in the last bit."""
+    assert default_model(Kind.EGO).body.top_speed == 185 / 3.6
+
+
 @pytest.mark.parametrize("kind", Kind)
 def test_every_kind_has_a_default_of_its_own_kind(kind: Kind) -> None:
     assert default_model(kind).kind is (Kind.VEHICLE if kind is Kind.EGO else kind)
