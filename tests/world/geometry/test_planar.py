@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.geometry.planar import (
     IntArray,
     arc_lengths,
+    box_gaps,
     chain,
     distinct,
     do_boxes_meet,
@@ -165,6 +166,25 @@ def test_chained_rotations_compose_and_invert() -> None:
     assert rotate(chain(first, second), vector) == pytest.approx(rotate(first, rotate(second, vector)), abs=1e-14)
     assert rotate_back(first, rotate(first, vector)) == pytest.approx(vector, abs=1e-14)
     assert rotate(quaternion(0.0, 0.0, math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("middle", "yaw", "gap"),
+    [
+        (7.0 + 0.0j, 0.0, 3.0),  # one behind the other
+        (1.0 + 3.0j, 0.0, 1.0),  # side by side
+        (5.0 + 0.0j, math.pi / 2, 2.0),  # across
+        (-10.0 + 9.0j, math.pi / 4, 16.0 * math.sqrt(0.5) - 0.5),  # 19 less 2 and 1, all on the diagonal
+        (1.0 + 1.0j, 0.0, -1.0),  # one in the other
+    ],
+)
+def test_gap_of_boxes_is_the_widest_strip_between_them(middle: complex, yaw: float, gap: float) -> None:
+    """Two boxes of 4 x 2 m, and of 4 x 1 m where they stand askew; the same from the other one's view."""
+    width = 0.5 if yaw == math.pi / 4 else 1.0
+    heading = np.array([[1.0 + 0.0j], [complex(math.cos(yaw), math.sin(yaw))]])
+    half = np.array([[[2.0, 1.0]], [[2.0, width]]])
+    assert box_gaps(np.array([middle]), heading, half) == pytest.approx(gap)
+    assert box_gaps(np.array([-middle]), heading[::-1], half[::-1]) == pytest.approx(gap)
 
 
 NUMBERS = st.lists(st.integers(-3, 3) | st.integers(-(2**62), 2**62), max_size=12).map(
