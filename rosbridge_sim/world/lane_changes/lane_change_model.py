@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V, written
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import COMFORT
 
@@ -70,6 +70,9 @@ def follow(speed: FloatArray, desired_speed: FloatArray, gap: FloatArray, lead_s
         gap: (k,) to the lead vehicle, inf for none [m].
         lead_speed: (k,) [m/s].
     """
+    if len(speed) == 1 and isinstance(lead_speed, np.ndarray):
+        numbers = speed.item(), desired_speed.item(), gap.item(), lead_speed.item()
+        return np.array(written(mean_follow, 4)(*numbers))
     return np.asarray(mean_follow(ARRAYS, speed, desired_speed, gap, lead_speed))
 
 

@@ -152,7 +152,8 @@ def test_headings_on_straights_are_those_of_both_axles(name: str) -> None:
     assert np.abs(wrap_angle(quick - headings(roads, lanes, arc, wheelbase))).max() < 1e-9
 
 
-def test_next_legs_are_those_that_a_search_finds() -> None:
+@pytest.mark.parametrize("together", [True, False])
+def test_next_legs_are_those_that_a_search_finds(*, together: bool) -> None:
     world = world_of(make(a=(line(*[(x, 0.1 * x * x) for x in range(0, 31, 2)]), "")))
     conflicts, roads = world.roads.derived(LaneConflicts), world.roads
     rows = np.array([car(world, "a", s, speed=5.0) for s in (1.0, 9.0, 19.0, 25.0)])
@@ -160,7 +161,10 @@ def test_next_legs_are_those_that_a_search_finds() -> None:
     ends = roads.s[world.point[rows] + 2]  # of the legs that follow
     world.arc[rows] = (world.leg_end[rows[0]], np.nextafter(ends[1], 0.0), ends[2], roads.length[0])
     before = legs[:, rows[2:]].tobytes(), world.point[rows[2:]].tolist()
-    assert enter_next_legs(world, conflicts, rows).tolist() == [2, 3]  # on the second leg, and at the end of the lane
+    if together:
+        assert enter_next_legs(world, conflicts, rows).tolist() == [2, 3]  # on the second leg, at the end of the lane
+    else:
+        assert [enter_next_legs(world, conflicts, rows[[i]]).tolist() for i in range(4)] == [[], [], [0], [0]]
     assert (legs[:, rows[2:]].tobytes(), world.point[rows[2:]].tolist()) == before
     entered = legs[:, rows[:2]].tobytes(), world.point[rows[:2]].tolist()
     set_legs(world, conflicts, rows[:2])

@@ -43,3 +43,10 @@ def test_change_needs_room_and_spares_the_one_behind_hard_braking(speed: float, 
         near = np.array([gap])
         assert find_safe(behind, near, ahead, free, np.zeros(1)).tolist() == [is_safe]
         assert find_safe(ahead, free, np.zeros(1), near, behind).tolist() == [is_safe]
+
+
+def test_one_driver_follows_as_many_do() -> None:
+    given = np.random.default_rng(0).uniform(0.0, 15.0, (4, 200))
+    given[2, :20] = np.inf
+    one_by_one = [follow(*given[:, i : i + 1]).item() for i in range(200)]
+    assert one_by_one == follow(*given).tolist()
