@@ -94,6 +94,17 @@ def wide_road() -> Lanes:
     return lanes
 
 
+def hairpin() -> Lanes:
+    """A turn so narrow that a long vehicle is still on a rival of the lane that it asks for."""
+    return {
+        "h": (line((-30, 0), (0, 0)), "h0"),
+        "h0": (line((0, 0), (6, 0)), "h1"),
+        "h1": (line((6, 0), (6, 2)), "h2"),
+        "h2": (line((6, 2), (0, 2)), "h3"),
+        "h3": (line((0, 2), (-30, 12)), "h"),
+    }
+
+
 PARTS = (short_crossing, tight_bends, roundabout, merging, wide_road)
 
 
@@ -171,6 +182,11 @@ def test_decisions_are_the_same_from_any_state(num: int, seeds: range) -> None:
 @pytest.mark.parametrize("part", PARTS)
 def test_decisions_of_few_are_the_same_from_any_state(part: Callable[[], Lanes]) -> None:
     check_states(lay_out(part), 5, range(16))
+
+
+@pytest.mark.parametrize("seed", [177, 290, 335])  # of 400, those in which it matters
+def test_driver_on_a_rival_of_the_lane_that_it_asks_for_gets_the_same(seed: int) -> None:
+    check_states(lay_out(hairpin), 4, range(seed, seed + 1))
 
 
 @pytest.mark.parametrize("num", [5, 12, 30])
