@@ -118,7 +118,7 @@ async def capture_simulator(file: str) -> None:
     topics = ("/Ego_topic", "/SyncModeInfo", "/sim/scene/objects", "/tf*")
     async with Simulator(port=0) as simulator:
         patterns = [word for topic in topics for word in ("--topic", topic)]
-        words = ("mock", "capture", simulator.url, "-o", file, "--duration", "1", *patterns, "--call", "/sim/describe")
+        words = ("mock", "capture", simulator.url, "-o", file, "--duration", "3", *patterns, "--call", "/sim/describe")
         done = await asyncio.to_thread(run, *words)
     assert done.code == 0, done
     assert run("mock", "check", file).code == 0

@@ -326,9 +326,12 @@ class Play:
             for number, step in enumerate(steps, 1):
                 ((key, frame),) = step.items()
                 is_node = (key[0] in providers) is (self._side == "provider")
+                num = self._count_frames()
                 why = self._step(self._client(key[0], is_node=is_node), key, frame)
                 if why:
                     return f"step {number}: {why}"
+                if is_node and is_call(step) and is_call(*steps[number : number + 1]):
+                    self._wait_for_more(num)  # of two nodes either may come first
             return self._left()
         finally:
             for name in list(self._clients):
@@ -368,6 +371,15 @@ class Play:
             return "" if agrees(frame, got) else f"{name} got {got}, expected {frame}"
         return ""
 
+    def _count_frames(self) -> int:
+        return sum(len(client.frames) for client in self._clients.values())
+
+    def _wait_for_more(self, num: int) -> None:
+        """Wait until there are more frames than so many."""
+        end = time.monotonic() + PATIENCE
+        while self._count_frames() <= num and time.monotonic() < end:
+            self._look()
+
     def _look(self) -> None:
         for client in list(self._clients.values()):
             client.look()
@@ -396,6 +408,10 @@ class Play:
 
     def _is_seen(self, name: str) -> bool:
         return any(OBSERVER.count_services(one) for one in (name, f"{name}/_action/send_goal"))
+
+
+def is_call(*steps: dict[str, Frame]) -> bool:
+    return any(key[-1] == ">" and frame["op"] == "call_service" for step in steps for key, frame in step.items())
 
 
 def is_failure(frame: Frame) -> bool:
