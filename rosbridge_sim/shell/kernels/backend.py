@@ -1,7 +1,7 @@
-"""What drives vehicles on lanes in this process: numpy, or compiled loops once they are ready.
+"""Choice of numpy or compiled loops for the vehicles on lanes in this process.
 
-Without a compiler nothing here costs anything. With one, a library in the cache is taken at once. Else a thread waits
-for the compiler, and worlds take the loops over between two frames: both give the same bits.
+Without a compiler, numpy drives them. With one, a library in the cache is taken at once; if there is none, a thread
+waits for the compiler. Worlds take the loops over between two frames: both give the same bits.
 """
 
 from __future__ import annotations

@@ -58,7 +58,8 @@ def cache_folder(environment: Mapping[str, str]) -> Path:
     elif sys.platform == "darwin":
         base = str(home / "Library" / "Caches")
     else:
-        base = environment.get("XDG_CACHE_HOME") or str(home / ".cache")
+        given = environment.get("XDG_CACHE_HOME", "")
+        base = given if Path(given).is_absolute() else str(home / ".cache")  # XDG ignores a relative one
     return Path(base) / "rosbridge_sim"
 
 
@@ -149,9 +150,10 @@ def load_library(path: Path) -> CompiledLoops:
     """
     try:
         if sys.platform != "win32":
-            info = path.stat()
-            if info.st_uid != os.getuid() or info.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
-                raise NoKernelsError(f"{path}: expected a file that is yours and that nobody else may write; remove it")
+            for each in (path.parent, path):
+                info = each.stat()
+                if info.st_uid != os.getuid() or info.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+                    raise NoKernelsError(f"{each}: expected to be yours and that nobody else may write it; remove it")
         library = ctypes.PyDLL(str(path))  # short calls: they keep the interpreter's lock
         for name, types in FUNCTIONS.items():
             result, _, argument = types.partition(" ")

@@ -146,7 +146,7 @@ class Ego:
 
     @property
     def driver(self) -> str:
-        """What drives it: story, replay, self-driving, client or nobody."""
+        """Its driver: story, replay, self-driving, client or nobody."""
         if self.moved_by:
             return "story" if self.moved_by == "story" else "replay"
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:

@@ -123,7 +123,7 @@ class Kernel(Protocol):
 
 
 class _Backend:
-    """What drives the lane followers of all worlds: arrays, as long as nothing else is taken."""
+    """The maker of the loops that drive the lane followers of all worlds; None while arrays do."""
 
     make: Callable[[LaneFollowers], Kernel] | None = None
 
@@ -132,7 +132,7 @@ BACKEND: Final = _Backend()
 
 
 def take_kernels(make: Callable[[LaneFollowers], Kernel] | None) -> None:
-    """Have lane followers driven by something else from their next decision on, in all worlds; None for arrays."""
+    """Have loops drive the lane followers of all worlds from their next decision on; None for arrays."""
     BACKEND.make = make
 
 

@@ -37,6 +37,7 @@ def test_another_source_or_compiler_is_another_library(tmp_path: Path) -> None:
 def test_cache_is_in_the_users_folder(tmp_path: Path) -> None:
     if sys.platform == "linux":
         assert cache_folder({"XDG_CACHE_HOME": str(tmp_path)}) == tmp_path / "rosbridge_sim"
+        assert cache_folder({"XDG_CACHE_HOME": "here"}) == Path.home() / ".cache" / "rosbridge_sim"
     assert cache_folder({}).name == "rosbridge_sim"
 
 
@@ -83,10 +84,12 @@ def test_what_is_no_library_is_not_loaded(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="rights of files are those of POSIX")
-def test_library_that_others_may_write_is_not_loaded(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("of_folder", "of_file"), [(0o700, 0o666), (0o777, 0o600)])
+def test_library_that_others_may_write_or_replace_is_not_loaded(of_folder: int, of_file: int, tmp_path: Path) -> None:
     path = tmp_path / "kernels.so"
     path.write_bytes(b"")
-    path.chmod(0o666)
+    path.chmod(of_file)
+    tmp_path.chmod(of_folder)
     with pytest.raises(NoKernelsError, match="nobody else may write"):
         load_library(path)
 
