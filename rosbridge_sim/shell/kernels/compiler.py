@@ -109,6 +109,7 @@ def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
             status, said = _run(command)
             if status:
                 raise NoKernelsError(f"{shlex.join(compiler)} failed with status {status}: {said}")
+            built.chmod(0o700)  # whatever rights the user's new files have: see `load_library`
             sums = _sum_path(built)
             sums.write_bytes(_sum(built))
             sums.replace(_sum_path(path))

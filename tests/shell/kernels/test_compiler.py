@@ -94,6 +94,16 @@ def test_library_that_others_may_write_or_replace_is_not_loaded(of_folder: int, 
         load_library(path)
 
 
+@needs_compiler
+def test_library_of_a_user_whose_group_may_write_new_files_is_loaded(tmp_path: Path) -> None:
+    path, before = tmp_path / "cache" / "kernels.so", os.umask(0o002)
+    try:
+        compile_library(read_source(), compiler(), path)
+    finally:
+        os.umask(before)
+    load_library(path)
+
+
 PROGRAM = """
 import logging, sys
 logging.basicConfig(level="INFO")
