@@ -117,6 +117,7 @@ def serve() -> None:
     end = threading.Event()
 
     def hear(text: String) -> None:
+        wait_for(out.get_num_connections)  # rospy drops what it publishes before somebody is connected
         out.publish(f"heard {text.data}")
         if text.data == "end":
             end.set()
