@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.drivers.driver_model import FIRM
-from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, find_entries
+from rosbridge_sim.world.drivers.lane_entries import CORRIDOR, Drivers, Entries, find_entries
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.roads import Roads
@@ -36,11 +36,21 @@ PAST: Final = 1.0
 PACE: Final = 2.0
 """Least speed at which it clears the place [m/s]: a driver that stands with its nose beyond it moves off."""
 
+FEW: Final = 64
+"""Up to so many people, those who are far from all lanes are left out; larger crowds are looked at as a whole, because
+`segment_search.MAX_SEGMENTS` leaves some of them out."""
+
+FAR: Final = 3.0
+RETRY: Final = 0.5
+CERTAIN: Final = 0.01
+"""Lanes are looked for so far around people who are near none, and again after so many metres at least. By the last one
+a person is farther from them than is worked out [m]."""
+
 _MOTION: Final = ("accel", "z")
 _YAW, _SPEED = 5, 6
 """First and last of the columns by which a body is seen, and the lines of two of them."""
 
-_AHEAD, _FORESIGHT = 0, 3
+_AHEAD, _HALVES, _FORESIGHT = 0, slice(1, 3), 3
 """Lines of `_Bodies`: how far the middle of a body is ahead of its reference point [m], and for how long the place
 where it goes is looked at [s]."""
 
@@ -62,6 +72,8 @@ class OtherEntities:
         self._rows: IntArray = (is_other & may_move).nonzero()[0]
         self._bodies = _Bodies(world, self._rows)
         self._on_wheels = (world.kind[self._rows] == int(Kind.EGO)) | (world.kind[self._rows] == int(Kind.VEHICLE))
+        self._seen: Entries | None = None
+        self._found = self._still, self._still_rows, 0
 
     def entries(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
         """Return all entries, their rows, and how many of them drive, which are the first ones.
@@ -73,13 +85,16 @@ class OtherEntities:
         """
         world = self._world
         if not len(self._rows):
-            return self._still, self._still_rows, 0
+            return self._found
         drives = self._on_wheels & (np.abs(world.speed[self._rows]) > MOVES)
         first = drives.nonzero()[0]
-        which = np.concatenate([first, (~drives).nonzero()[0]])
+        which = np.concatenate([first, (~(drives | self._bodies.find_far())).nonzero()[0]])
         seen, owner, arrival = self._bodies.entries(which)
+        if seen is self._seen:
+            return self._found
         rows = self._rows[which[owner]]
         crossing = (world.yields[rows] >= COMMITTED).nonzero()[0]
+        self._seen = None if len(crossing) else seen
         if len(crossing):
             passed = find_passed_first(world.roads, drivers, seen.at(crossing), arrival[crossing])
             is_left = np.ones(len(owner), dtype=bool)
@@ -87,7 +102,8 @@ class OtherEntities:
             left = is_left.nonzero()[0]
             seen, owner, rows = seen.at(left), owner[left], rows[left]
         num_driving = int(np.count_nonzero(owner < len(first)))
-        return Entries.join(seen, self._still), np.concatenate([rows, self._still_rows]), num_driving
+        self._found = Entries.join(seen, self._still), np.concatenate([rows, self._still_rows]), num_driving
+        return self._found
 
 
 class _Bodies:
@@ -106,6 +122,28 @@ class _Bodies:
         foresight = np.where(is_person & (world.yields[rows] == 0), FORESIGHT, 0.0)
         self._figures = np.array([world.centre[rows], world.half_length[rows], world.half_width[rows], foresight])
         self._bits: bytes | None = None
+        self._heeding = (is_person & (foresight == 0.0) & (self._figures[_AHEAD] == 0.0)).nonzero()[0]
+        self._heeding = self._heeding[: FEW * (len(self._heeding) <= FEW)]
+        self._reach = CORRIDOR + np.hypot(*self._figures[_HALVES, self._heeding])
+        self._looked_from = world.block("x", "y").take(rows[self._heeding], axis=1)
+        self._room = np.zeros(len(self._heeding))
+
+    def find_far(self) -> BoolArray:
+        """Return which bodies are certainly on no lane, (k,): people who do not cross, and are far from all lanes.
+
+        They may walk as far as the nearest lane was when it was looked for.
+        """
+        world, heeding, is_far = self._world, self._heeding, np.zeros(len(self._rows), dtype=bool)
+        if not len(heeding):
+            return is_far
+        rows = self._rows[heeding]
+        x, y = place = world.block("x", "y").take(rows, axis=1)
+        moved = np.hypot(*(place - self._looked_from))
+        if np.count_nonzero(moved > np.fmax(self._room, RETRY)):
+            self._looked_from, moved = place, np.zeros(len(rows))
+            self._room = world.roads.clearance(x, y, self._reach + FAR) - self._reach - CERTAIN
+        is_far[heeding] = (moved < self._room) & (world.yields[rows] < COMMITTED)
+        return is_far
 
     def entries(self, which: IntArray) -> tuple[Entries, IntArray, FloatArray]:
         """Return the entries of bodies, their owners among these, and their arrivals; see `find_entries`.

@@ -174,6 +174,22 @@ class SegmentSearch:
         owner, block, size = owner[is_seen], block[is_seen], size[is_seen]
         return self._best_of_lanes(place, radius, owner.repeat(size), ranges(self._first[block], size))
 
+    def clearance(self, place: FloatArray, most: FloatArray) -> FloatArray:
+        """Return how far places are from all segments, (n,), but at most `most`; 0 where too many are near [m].
+
+        Args:
+            place: (n, 2) east and north, n >= 1 [m].
+            most: (n,) [m].
+        """
+        owner, block = self._blocks_within(place, most)
+        size = self._size[block]
+        if size.sum() > MAX_SEGMENTS:
+            return np.zeros(len(place))
+        owner, found = owner.repeat(size), most.copy()
+        _, _, distance = self._segments.project(place.take(owner, axis=0), ranges(self._first[block], size))
+        np.minimum.at(found, owner, distance)
+        return found
+
     def _best_of_lanes(self, place: FloatArray, radius: FloatArray, owner: IntArray, segment: IntArray) -> Near:
         """Return what `within` returns, of some segments for each place.
 

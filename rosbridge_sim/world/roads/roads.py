@@ -392,6 +392,14 @@ class Roads:
         owner, segment, projected = self._search.within(place, radius)
         return owner, self._places(segment, *projected)
 
+    def clearance(self, x: FloatArray, y: FloatArray, most: FloatArray) -> FloatArray:
+        """Return how far points are from the segments of all lanes, (n,), but at most `most`; all are (n,) [m].
+
+        Nobody is nearer than that. It is 0 where too many segments are near.
+        """
+        place = in_columns(x, y)
+        return most if self._search is None or len(place) == 0 else self._search.clearance(place, most)
+
     def _places(self, segment: IntArray, along: FloatArray, lateral: FloatArray, distance: FloatArray) -> LanePlaces:
         """Return the places of points relative to the segments chosen for them; (n,) each, see `project`."""
         segments = self.segments

@@ -157,3 +157,25 @@ def test_those_that_stand_are_seen_anew_as_soon_as_one_moves() -> None:
         for name in ("lane", "s", "tail", "speed", "accel", "stands"):
             assert getattr(seen, name).tobytes() == getattr(fresh, name).tobytes()
     assert seen.accel.tolist() != first.accel.tolist()
+
+
+def test_people_far_from_all_lanes_are_left_out_until_they_come_near() -> None:
+    rng = np.random.default_rng(0)
+    world = World()
+    world.lay_roads(*street())
+    car(world, "a", 10.0, speed=5.0)
+    rows = [world.row(world.spawn(Kind.PEDESTRIAN, MAN, name="p", x=20.0, y=-6.0)) for _ in range(8)]
+    world.yields[rows] = 1
+    followers, num_far = LaneFollowers(world), 0
+    drivers = followers.drivers()
+    for i in range(200):
+        world.x[rows] += rng.uniform(-0.5, 0.5, len(rows))
+        world.y[rows] = np.clip(world.y[rows] + rng.uniform(-0.5, 0.5, len(rows)), -9.0, 0.0)
+        if i % 50 == 49:
+            world.y[rows[i % 8]] = 0.0  # placed on the lane
+        found, fresh = followers.others(drivers), LaneFollowers(world).others(drivers)
+        num_far += int(np.count_nonzero(followers.other_entities._bodies.find_far()))
+        assert found[1].tobytes() == fresh[1].tobytes()
+        for name in ("lane", "s", "tail", "speed", "accel", "stands"):
+            assert getattr(found[0], name).tobytes() == getattr(fresh[0], name).tobytes()
+    assert 200 < num_far < 1400

@@ -286,6 +286,28 @@ def test_lanes_near_places_equal_a_full_search(size: float) -> None:
     assert num_found > 60
 
 
+def test_clearance_is_the_distance_to_the_nearest_segment() -> None:
+    roads, rng = web(12, 100.0), np.random.default_rng(4)
+    x, y = rng.uniform(-200.0, 200.0, (2, 80))
+    most = rng.uniform(1.0, 60.0, 80)
+    points, ends = roads.points[:, :2], roads.first[1:] - 1
+    start, way = np.delete(points[:-1], ends[:-1], axis=0), np.delete(np.diff(points, axis=0), ends[:-1], axis=0)
+    for i, found in enumerate(roads.clearance(x, y, most).tolist()):
+        away = [x[i], y[i]] - start
+        share = np.clip((away * way).sum(axis=1) / np.square(way).sum(axis=1), 0.0, 1.0)
+        nearest = np.hypot(*(away - share[:, None] * way).T).min()
+        assert found == pytest.approx(min(nearest, most[i]), abs=1e-9)
+        assert found == roads.clearance(x[[i]], y[[i]], most[[i]])[0]
+
+
+def test_nobody_is_clear_of_too_many_segments(monkeypatch: pytest.MonkeyPatch) -> None:
+    roads = make(*(straight((0, i), (500, i)) for i in range(4)))
+    x, y, most = np.array([250.0]), np.array([8.0]), np.array([20.0])
+    assert roads.clearance(x, y, most).tolist() == [5.0]
+    monkeypatch.setattr("rosbridge_sim.world.geometry.segment_search.MAX_SEGMENTS", 3)
+    assert roads.clearance(x, y, most).tolist() == [0.0]
+
+
 def test_many_lanes_in_one_place_hide_none_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
     roads = make(*(straight((0, i), (500, i)) for i in range(4)))
     x, y = np.full(1_000, 250.0), np.zeros(1_000)
