@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 import orjson
 
-from rosbridge_sim.mock.mock_model import MockFault
+from rosbridge_sim.mock.mock_model import FAULT_KINDS, FaultWay, MockFault
 from rosbridge_sim.mock.value_patterns import SECOND_NS
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
@@ -25,8 +25,6 @@ CONTROL: Final = "/mock/"
 _ROSAPI: Final = "/rosapi/"
 """Prefix of services that only patterns reach: without rosapi most pages do not even begin."""
 
-_OF_CALLS: Final = ("slow", "fail")
-
 MAX_FAULTS: Final = 200
 """Most faults of a mock, with those that commands have added."""
 
@@ -35,18 +33,47 @@ class FaultEffect(Record):
     """The effect of the faults on a message or a call.
 
     Attributes:
-        delay: [s].
+        delay: of the message, or of the call on its way to the service [s].
+        answer_delay: of the answer of a call [s].
         num_copies: times that it is delivered; 0 if it is dropped.
         is_frozen: the last message before is delivered in its place.
         change: `nan` or `wrong_type`; empty for none.
-        fail: text with which a call fails; None if it does not.
+        fail: text with which a publish or a call is refused; None if it is not.
     """
 
     delay: float = 0.0
+    answer_delay: float = 0.0
     num_copies: int = 1
     is_frozen: bool = False
     change: str = ""
     fail: str | None = None
+
+    def joined(self, other: FaultEffect) -> FaultEffect:
+        """Return the effect of both."""
+        num_copies = self.num_copies and other.num_copies and self.num_copies + other.num_copies - 1
+        return FaultEffect(
+            delay=self.delay + other.delay,
+            answer_delay=self.answer_delay + other.answer_delay,
+            num_copies=num_copies,
+            is_frozen=self.is_frozen or other.is_frozen,
+            change=self.change or other.change,
+            fail=other.fail if self.fail is None else self.fail,
+        )
+
+
+NO_EFFECT: Final = FaultEffect()
+
+
+class FaultyClient(Record):
+    """What faults tell clients by.
+
+    Attributes:
+        number: in the order of connecting, from 1.
+        address: host and port.
+    """
+
+    number: int
+    address: str
 
 
 class FaultRule:
@@ -86,13 +113,25 @@ class FaultRule:
         jitter = self.fault.jitter
         return max(0.0, self.fault.seconds + (jitter * self._random.uniform(-1.0, 1.0) if jitter else 0.0))
 
-    def matches(self, name: str, *, is_call: bool) -> bool:
-        """Return whether it concerns a topic or a service."""
-        patterns = self.fault.services if is_call else self.fault.topics
-        is_kind = self.fault.kind != "close" and (self.fault.kind in _OF_CALLS) is is_call
-        if not is_kind or name.startswith(CONTROL):
+    def matches(self, name: str, way: FaultWay) -> bool:
+        """Return whether it concerns a topic or a service. Patterns of one of both exclude all of the other."""
+        fault = self.fault
+        if fault.kind not in FAULT_KINDS[fault.direction].get(way, ()) or name.startswith(CONTROL):
             return False
-        return any(fnmatchcase(name, one) for one in patterns) if patterns else not name.startswith(_ROSAPI)
+        patterns, others = (fault.services, fault.topics) if way == "call" else (fault.topics, fault.services)
+        if patterns:
+            return any(fnmatchcase(name, one) for one in patterns)
+        return not others and not name.startswith(_ROSAPI)
+
+    def concerns(self, client: FaultyClient) -> bool:
+        """Return whether it concerns a client."""
+        clients, address = self.fault.clients, client.address
+        return not clients or any(
+            one == client.number
+            if isinstance(one, int)
+            else fnmatchcase(address, one) or fnmatchcase(address.rpartition(":")[0], one)
+            for one in clients
+        )
 
     # Closing
 
@@ -101,7 +140,7 @@ class FaultRule:
         return self._next_close_ns if self.is_on and self.fault.kind == "close" else math.inf
 
     def close(self, now_ns: int) -> bool:
-        """Return whether it closes all connections now; the next time is that after now."""
+        """Return whether it closes connections now; the next time is that after now."""
         if now_ns < self.next_close():
             return False
         self._next_close_ns = self._close_after(now_ns)
@@ -130,7 +169,7 @@ class FaultTable:
     def __init__(self, faults: Mapping[str, MockFault], seed: int, now_ns: int = 0) -> None:
         self.rules: dict[str, FaultRule] = {}
         self._seed = seed
-        self._found: dict[tuple[str, bool], Sequence[FaultRule]] = {}
+        self._found: dict[tuple[str, FaultWay], Sequence[FaultRule]] = {}
         for name, fault in faults.items():
             self.add(name, fault, now_ns)
 
@@ -139,20 +178,30 @@ class FaultTable:
         self.rules[name] = FaultRule(name, fault, self._seed, now_ns)
         self._found.clear()
 
-    def judge(self, name: str, now_ns: int, *, is_call: bool = False) -> FaultEffect | None:
-        """Return what happens to the next message of a topic, or the next call of a service; None if nothing does."""
+    def judge(self, name: str, now_ns: int, way: FaultWay, client: FaultyClient | None = None) -> FaultEffect | None:
+        """Return what happens to the next message of a topic, or the next call of a service; None if nothing does.
+
+        Args:
+            name: of the topic or service.
+            client: judge by the faults that concern some clients, this one among them; None judges by those of all.
+        """
         if not self.rules:
             return None
-        rules = self._found.get((name, is_call))
+        rules = self._found.get((name, way))
         if rules is None:
-            rules = [rule for rule in self.rules.values() if rule.matches(name, is_call=is_call)]
-            self._found[name, is_call] = rules
-        hits = [rule for rule in rules if rule.hits(now_ns)]
+            rules = self._found[name, way] = [rule for rule in self.rules.values() if rule.matches(name, way)]
+        hits = [
+            rule
+            for rule in rules
+            if (not rule.fault.clients if client is None else rule.fault.clients and rule.concerns(client))
+            and rule.hits(now_ns)
+        ]
         if not hits:
             return None
         kinds = [rule.fault.kind for rule in hits]
         return FaultEffect(
-            delay=sum(rule.delay() for rule in hits if rule.fault.kind in {"delay", "slow"}),
+            delay=sum(rule.delay() for rule in hits if rule.fault.kind == "delay"),
+            answer_delay=sum(rule.delay() for rule in hits if rule.fault.kind == "slow"),
             num_copies=0 if "drop" in kinds else 1 + kinds.count("duplicate"),
             is_frozen="freeze" in kinds,
             change=next((kind for kind in kinds if kind in {"nan", "wrong_type"}), ""),

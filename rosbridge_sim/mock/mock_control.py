@@ -95,7 +95,9 @@ def _fields_of(rule: FaultRule, now_ns: int) -> dict[str, Any]:
     return {
         "name": rule.name,
         "kind": fault.kind,
+        "direction": fault.direction,
         "active": rule.holds(now_ns),
         "patterns": [*fault.topics, *fault.services],
+        "clients": [str(one) for one in fault.clients],
         "count": rule.count,
     }

@@ -207,17 +207,34 @@ class MockRecording(Table, frozen=True, kw_only=True):
 
 
 FaultKind = Literal["delay", "drop", "duplicate", "freeze", "wrong_type", "nan", "slow", "fail", "close"]
+FaultDirection = Literal["to_clients", "from_clients"]
+
+FaultWay = Literal["message", "publish", "call"]
+"""A message on its way to a client, a message that a client publishes, and a call by a client."""
+
+FAULT_KINDS: Final[dict[FaultDirection, dict[FaultWay, tuple[FaultKind, ...]]]] = {
+    "to_clients": {"message": ("delay", "drop", "duplicate", "freeze", "wrong_type", "nan"), "call": ("slow", "fail")},
+    "from_clients": {"publish": ("delay", "drop", "duplicate", "freeze", "fail"), "call": ("delay", "drop", "fail")},
+}
+"""The kinds of faults of each way; `close` has none."""
+
+MAX_CLIENT_NUMBER: Final = 1_000_000
 
 
 class MockFault(Table, frozen=True, kw_only=True):
-    """A fault of the wire to clients."""
+    """A fault of the wire between clients and the mock."""
 
     kind: Annotated[FaultKind, about("see the table of kinds")]
-    topics: Annotated[
-        list[_Pattern], about("patterns of topics, of all kinds for topics; none: all", max_length=100)
-    ] = field(default_factory=list)
-    services: Annotated[
-        list[_Pattern], about("patterns of services, of `slow` and `fail`; none: all", max_length=100)
+    direction: Annotated[FaultDirection, about("of the messages and calls that it concerns")] = "to_clients"
+    topics: Annotated[list[_Pattern], about("patterns of topics; none: all", max_length=100)] = field(
+        default_factory=list
+    )
+    services: Annotated[list[_Pattern], about("patterns of services; none: all", max_length=100)] = field(
+        default_factory=list
+    )
+    clients: Annotated[
+        list[Annotated[int, Meta(ge=1, le=MAX_CLIENT_NUMBER)] | _Pattern],
+        about("numbers in the order of connecting, from 1, and patterns of addresses; none: all", max_length=100),
     ] = field(default_factory=list)
     probability: Annotated[float, about("for each message or call", ge=0.0, le=1.0)] = 1.0
     seconds: Annotated[Annotated[float, Meta(ge=0.0, le=600.0)], about("delay of `delay` and `slow` [s]")] = 0.5
@@ -232,7 +249,15 @@ class MockFault(Table, frozen=True, kw_only=True):
     on: Annotated[bool, about("false: off until it is switched on")] = True
 
     def __post_init__(self) -> None:
-        """Check that the times fit."""
+        """Check that the kind, the direction and the patterns fit, and the times."""
+        ways = [way for way, kinds in FAULT_KINDS[self.direction].items() if self.kind in kinds]
+        if not ways and (self.kind != "close" or self.direction == "from_clients"):
+            known = dict.fromkeys(kind for kinds in FAULT_KINDS[self.direction].values() for kind in kinds)
+            raise ValueError(f"expected kind {', '.join(known)} with direction {self.direction}")
+        if self.services and "call" not in ways:
+            raise ValueError(f"expected topics: {self.kind} {self.direction} concerns no services")
+        if self.topics and ways in ([], ["call"]):
+            raise ValueError(f"expected services: {self.kind} {self.direction} concerns no topics")
         if self.end is not None and self.end <= self.start:
             raise ValueError("expected start < end")
         if self.code in {1004, 1005} or MAX_CODE < self.code < MIN_OWN_CODE:

@@ -295,8 +295,8 @@ class Simulator:
         stamps = None if node is None else choose_stamps(settings, node)
         scheduler = Scheduler(loop, bus, [] if node is None else [node], self._give_up, announcing=[republisher])
         recordings.reader.on_done = reader.on_done = scheduler.look
-        self.mock = _make_mock(settings, bus, texts, scheduler)
         server = Server(bus, limits, scheduler.turn)
+        self.mock = _make_mock(settings, bus, texts, scheduler, server)
         tell_of_world(server, node, reader)
         server.pages.page = web_page_of(settings, loop)
         await self._listen(server, certificate)
@@ -307,7 +307,7 @@ class Simulator:
             self._recorder = start_recorder(settings, bus, node, texts)
             await self._join_ros(bus, limits, texts, scheduler, stamps)
             if self.mock is not None:
-                await self.mock.start(server, Server(bus, limits, scheduler.turn), certificate)
+                await self.mock.start(Server(bus, limits, scheduler.turn), certificate)
         except DocumentError:
             self._remove_port_file()
             await server.stop()
@@ -535,7 +535,7 @@ def _kind_of_bus(settings: Settings) -> type[Bus]:
     return FaultBus
 
 
-def _make_mock(settings: Settings, bus: Bus, texts: Texts, scheduler: Scheduler) -> MockServer | None:
+def _make_mock(settings: Settings, bus: Bus, texts: Texts, scheduler: Scheduler, server: Server) -> MockServer | None:
     """Offer what the file of a mock describes, if the settings name one.
 
     Raises:
@@ -545,7 +545,7 @@ def _make_mock(settings: Settings, bus: Bus, texts: Texts, scheduler: Scheduler)
         return None
     from rosbridge_sim.shell.mocking.mock_server import MockServer  # noqa: PLC0415 - as above
 
-    mock = MockServer(settings, bus, texts)
+    mock = MockServer(settings, bus, texts, server)
     scheduler.add(mock.node)
     scheduler.add(mock)
     return mock

@@ -38,6 +38,8 @@ def write_mock(path: Path) -> Path:
     lines += [
         "  failing: {kind: fail, services: [/failing], text: the motor is off}",
         "  slow: {kind: slow, services: [/slow], seconds: 0.5}",
+        "  lost: {kind: drop, direction: from_clients, topics: [/lost], clients: [1]}",
+        "  twice: {kind: duplicate, direction: from_clients, topics: [/twice]}",
         "  close: {kind: close, code: 4001, text: bye, on: false}",
     ]
     path.write_text("\n".join(lines))
@@ -69,5 +71,7 @@ def test_every_fault_is_seen_by_a_client(tmp_path: Path, library: str) -> None:
     assert "the motor is off" in str(seen["answers"]["/failing"])
     assert seen["answers"]["/slow"]["success"] is True
     assert seen["answers"]["/slow seconds"] > 0.49
+    assert seen["sent"]["/lost"] == []
+    assert seen["sent"]["/twice"] == [value for value in range(NUM) for _ in range(2)]
     if not is_python(library):
         assert seen["closed"] == {"code": 4001, "reason": "bye"}

@@ -30,8 +30,15 @@ async def switch_fault(bridge: Bridge, name: str | None, words: Sequence[str], *
     if is_json:
         put_json(faults)
         return
-    rows = [
-        (one["name"], one["kind"], "on" if one["active"] else "off", str(one["count"]), " ".join(one["patterns"]))
-        for one in faults
-    ]
-    put_table(("FAULT", "KIND", "NOW", "COUNT", "NAMES"), [tuple(map(safe, row)) for row in rows])
+    put_table(
+        ("FAULT", "KIND", "DIRECTION", "NOW", "COUNT", "NAMES", "CLIENTS"),
+        [
+            (
+                *map(safe, (one["name"], one["kind"], one["direction"])),
+                "on" if one["active"] else "off",
+                str(one["count"]),
+                *(safe(" ".join(one[key]) or "all") for key in ("patterns", "clients")),
+            )
+            for one in faults
+        ],
+    )

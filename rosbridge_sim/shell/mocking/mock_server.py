@@ -14,7 +14,8 @@ from typing import Final, cast
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.mock.faults import FaultTable
+from rosbridge_sim.graph.peers.peer import Peer
+from rosbridge_sim.mock.faults import FaultTable, FaultyClient
 from rosbridge_sim.mock.mock_control import MockControl
 from rosbridge_sim.mock.mock_node import Hook, MockNode
 from rosbridge_sim.mock.mock_plan import MockPlan, plan_mock
@@ -23,6 +24,7 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.shell.mocking.fault_bus import FaultBus
 from rosbridge_sim.shell.mocking.mock_files import DiskMockFiles, read_mock
+from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.server import Server
 
 _log = logging.getLogger("rosbridge_sim.mock")
@@ -41,19 +43,22 @@ class MockServer:
     """A mock of a running server.
 
     Attributes:
-        server: the server whose connections faults close; None until it listens.
+        server: the server whose clients are subject to faults.
         control: the server of the second port; None without one.
     """
 
-    def __init__(self, settings: Settings, bus: Bus, texts: Texts) -> None:
+    def __init__(self, settings: Settings, bus: Bus, texts: Texts, server: Server) -> None:
         """Read the mock's file, and offer what it describes.
+
+        Args:
+            server: its clients are subject to faults.
 
         Raises:
             DocumentError: the file, the hook, or a name cannot be used; a line for each mistake.
         """
         assert settings.mock is not None, "there is a mock"
         assert isinstance(bus, FaultBus), "a mock has a bus with faults"
-        self.server: Server | None = None
+        self.server = server
         self.control: Server | None = None
         self._path = Path(settings.mock)
         self._settings, self._bus, self._texts = settings, bus, texts
@@ -64,24 +69,22 @@ class MockServer:
         self.node.load(plan, self._loop.time())
         bus.faults = self._table(plan)
         bus.now_ns = self.node.now_ns
-        bus.is_spared = self._is_spared
+        bus.find_client = self._find_client
         self._panel = MockControl(bus, self.node, bus.faults)
         self._panel.show(self._loop.time())
         self._watching: asyncio.Task[None] | None = None
         self._show_at = 0.0
 
-    async def start(self, server: Server, control: Server, certificate: SSLContext | None) -> None:
+    async def start(self, control: Server, certificate: SSLContext | None) -> None:
         """Watch the file, and listen on the second port if the settings say so.
 
         Args:
-            server: its clients are subject to faults.
             control: the server of the second port.
             certificate: of both; None without TLS.
 
         Raises:
             SettingError: the port cannot be used.
         """
-        self.server = server
         port = self._settings.control_port
         if port is not None:
             try:
@@ -100,8 +103,8 @@ class MockServer:
         if self.control is not None:
             await self.control.stop()
 
-    def _is_spared(self, owner: object) -> bool:
-        return self.control is not None and any(client.peer is owner for client in self.control.clients)
+    def _find_client(self, owner: Peer) -> FaultyClient | None:
+        return next((_faulty(client) for client in self.server.clients if client.peer is owner), None)
 
     # The file
 
@@ -160,10 +163,11 @@ class MockServer:
         """Close connections, and show the faults, if it is time."""
         now_ns = self.node.now_ns(now)
         for rule in self._bus.faults.rules.values():
-            if rule.close(now_ns) and self.server is not None:
+            if rule.close(now_ns):
                 rule.count += 1
-                _log.info("the fault %s closes %d connections", rule.name, len(self.server.clients))
-                for client in list(self.server.clients):
+                clients = [client for client in self.server.clients if rule.concerns(_faulty(client))]
+                _log.info("the fault %s closes %d connections", rule.name, len(clients))
+                for client in clients:
                     client.cut(rule.fault.code, rule.fault.text)
         if now >= self._show_at:
             self._show_at = now + SHOW_PERIOD
@@ -173,6 +177,10 @@ class MockServer:
         """End, because it has failed; the server goes on without faults."""
         _log.error("internal error: the faults of the mock have ended", exc_info=error)
         self._bus.faults = FaultTable({}, 0)
+
+
+def _faulty(client: Client) -> FaultyClient:
+    return FaultyClient(client.number, client.peer.address)
 
 
 def _tell(text: str) -> None:

@@ -66,6 +66,7 @@ class Client:
 
     Attributes:
         host: network address without the port.
+        number: in the order of connecting, from 1; 0 before it has its place.
         connected_ns: time of the connection [ns, time of day].
         num_bytes_sent: bytes given to the transport.
         has_failed: an internal error in this client's own state was found, and it is closing.
@@ -99,6 +100,7 @@ class Client:
         session.find_long_text = socket.find_long_text
         session.is_roslibpy = None if is_from_autobahn else False
         self.host = str(socket.remote_address[0]) if socket.remote_address else ""
+        self.number = 0
         self.connected_ns = time.time_ns()
         self.num_bytes_sent = 0
         self.peer = Peer(bus, session, address_of(socket), limits.policy)

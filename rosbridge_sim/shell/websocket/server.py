@@ -285,6 +285,7 @@ class Server:
         assert self._turns is not None, "it listens"
         client = Client(socket, self._bus, self._limits, self._turns, self, is_from_autobahn=is_from_autobahn(request))
         self.clients[client] = None
+        client.number = self._left.num_clients + len(self.clients)
         self._try(self.on_clients)
         _log.info("%s connected; %d connected now", client.peer.address, len(self.clients))
         return client

@@ -18,6 +18,18 @@ const all = ask((done) => {
   }
 })
 
+const sent = { '/lost': [], '/twice': [] }
+const back = ask((done) => {
+  for (const name in sent) {
+    const own = new roslib.Topic({ ros, name, messageType: 'std_msgs/Float64' })
+    own.subscribe(({ data }) => {
+      sent[name].push(data)
+      if (sent['/twice'].length === 2 * Number(number)) done()
+    })
+    for (let data = 0; data < Number(number); data++) own.publish({ data })
+  }
+})
+
 const answers = {}
 for (const name of ['/failing', '/slow']) {
   const began = performance.now()
@@ -25,8 +37,9 @@ for (const name of ['/failing', '/slow']) {
   answers[`${name} seconds`] = (performance.now() - began) / 1000
 }
 await all
+await back
 const closed = ask((done) => ros.on('close', done))
 call(ros, '/mock/set_fault', 'rosbridge_sim_msgs/SetMockFault', { name: 'close', active: true }).catch(() => {})
 const { code, reason } = await closed
-say({ heard, beside, answers, closed: { code: code ?? null, reason: String(reason ?? '') } })
+say({ heard, beside, sent, answers, closed: { code: code ?? null, reason: String(reason ?? '') } })
 process.exit()

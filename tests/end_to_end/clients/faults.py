@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import threading
 import time
 from typing import Any
@@ -29,6 +30,7 @@ def watch(ros: roslibpy.Ros, number: str, *topics: str) -> None:
 
     for topic in topics:
         listen(topic)
+    sent, has_come_back = publish(ros, int(number))
     answers: dict[str, Any] = {}
     for name in ("/failing", "/slow"):
         began = time.monotonic()
@@ -39,11 +41,31 @@ def watch(ros: roslibpy.Ros, number: str, *topics: str) -> None:
             answers[name] = str(error)
         answers[f"{name} seconds"] = time.monotonic() - began
     assert has_heard_all.wait(PATIENCE), {topic: len(each) for topic, each in heard.items()}
+    assert has_come_back.wait(PATIENCE), sent
     ros.on("close", lambda *_: is_closed.set())
     request = roslibpy.ServiceRequest({"name": "close", "active": True})
     roslibpy.Service(ros, "/mock/set_fault", "rosbridge_sim_msgs/SetMockFault").call(request, lambda _: None, print)
     assert is_closed.wait(PATIENCE), "the connection stays"
-    say(heard=heard, beside=beside, answers=answers)
+    say(heard=heard, beside=beside, sent=sent, answers=answers)
+
+
+def publish(ros: roslibpy.Ros, number: int) -> tuple[dict[str, list[float]], threading.Event]:
+    """Publish so many messages on two topics, and hear them; return what came and whether all has come back."""
+    sent: dict[str, list[float]] = {"/lost": [], "/twice": []}
+    has_come_back = threading.Event()
+
+    def hear_own(topic: str, msg: dict[str, Any]) -> None:
+        sent[topic].append(msg["data"])
+        if len(sent["/twice"]) == 2 * number:
+            has_come_back.set()
+
+    for topic in sent:
+        own = roslibpy.Topic(ros, topic, "std_msgs/Float64")
+        own.subscribe(functools.partial(hear_own, topic))
+        own.advertise()
+        for value in range(number):
+            own.publish(roslibpy.Message({"data": value}))
+    return sent, has_come_back
 
 
 run(watch=watch)

@@ -7,6 +7,7 @@ import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
+from typing import Any
 
 import orjson
 import pytest
@@ -18,6 +19,7 @@ from rosbridge_sim.errors import ConnectError, DocumentError, ServiceRefusedErro
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.mocking import mock_server
+from rosbridge_sim.shell.mocking.fault_bus import FaultBus
 
 ROBOT = """
 topics:
@@ -40,6 +42,7 @@ async def receive(socket: ClientConnection, num: int) -> list[float | str | None
     return [orjson.loads(await socket.recv())["msg"]["data"] for _ in range(num)]
 
 
+Frame = dict[str, Any]
 Subscribe = Callable[..., Awaitable[ClientConnection]]
 
 
@@ -150,6 +153,119 @@ async def test_control_port_is_touched_by_no_fault(tmp_path: Path, subscribe: Su
                 assert (await client.call("/mock/set_fault", {"name": name, "active": False}))["success"] is True
         async with AsyncClient(sim.url, token="secret") as client:  # noqa: S106
             assert len(await receive(await subscribe(f"{sim.url}/?token=secret"), 20)) == 20
+            assert (await client.call("/plain"))["success"] is True
+
+
+FROM_CLIENTS = """
+services:
+  /plain: {type: std_srvs/Trigger, answers: [{value: {success: true}}]}
+subscribers: {/y: std_msgs/Float64}
+faults:
+  f: {direction: from_clients, RULE}
+"""
+
+
+@asynccontextmanager
+async def echo_of(folder: Path, rule: str) -> AsyncIterator[tuple[ClientConnection, Callable[[str], Awaitable[Frame]]]]:
+    """A client that publishes, and what another one hears of it or what itself is told."""
+    async with (
+        mock_of(folder, FROM_CLIENTS.replace("RULE", rule)) as sim,
+        connect(sim.url, compression=None) as sender,
+        connect(sim.url, compression=None) as hearer,
+    ):
+        await hearer.send('{"op":"subscribe","topic":"/y","type":"std_msgs/Float64"}')
+        await hearer.send('{"op":"call_service","service":"/rosapi/topics","id":"ready"}')
+        await hearer.recv()
+        await sender.send('{"op":"advertise","topic":"/y","type":"std_msgs/Float64"}')
+
+        async def hear(which: str) -> Frame:
+            async with asyncio.timeout(10):
+                frame: Frame = orjson.loads(await {"sender": sender, "hearer": hearer}[which].recv())
+            return frame
+
+        yield sender, hear
+
+
+async def publish(socket: ClientConnection, *values: float) -> None:
+    for value in values:
+        await socket.send(orjson.dumps({"op": "publish", "topic": "/y", "id": "p", "msg": {"data": value}}).decode())
+
+
+@pytest.mark.parametrize(
+    ("rule", "heard"),
+    [
+        ("kind: drop, topics: [/y]", [9.0]),
+        ("kind: delay, seconds: 0.05, jitter: 0.04", [1.0, 2.0, 3.0, 9.0]),
+        ("kind: duplicate, topics: [/y]", [1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 9.0]),
+        ("kind: freeze, topics: [/y]", [1.0, 1.0, 1.0, 9.0]),
+    ],
+)
+async def test_faults_touch_what_a_client_publishes(tmp_path: Path, rule: str, heard: list[float]) -> None:
+    async with echo_of(tmp_path, rule) as (sender, hear):
+        await publish(sender, 1, 2, 3)
+        await sender.send('{"op":"call_service","service":"/mock/set_fault","args":{"name":"f","active":false}}')
+        await publish(sender, 9)
+        assert [(await hear("hearer"))["msg"]["data"] for _ in heard] == heard
+
+
+async def test_publish_of_a_client_is_refused_with_its_id(tmp_path: Path) -> None:
+    async with echo_of(tmp_path, "kind: fail, topics: [/y], text: not now") as (sender, hear):
+        await publish(sender, 1)
+        status = await hear("sender")
+        assert (status["op"], status["level"], status["id"], status["msg"]) == ("status", "error", "p", "not now")
+
+
+async def test_calls_of_a_client_get_lost_or_arrive_late(tmp_path: Path) -> None:
+    call = '{"op":"call_service","service":"/plain","id":"c"}'
+    async with echo_of(tmp_path, "kind: drop, services: [/plain], probability: 0.5") as (sender, hear):
+        for _ in range(60):
+            await sender.send(call)
+        await sender.send('{"op":"call_service","service":"/rosapi/topics","id":"end"}')
+        answers = [frame["id"] async for frame in _until_end(hear)]
+        assert 10 < len(answers) < 50
+    async with echo_of(tmp_path, "kind: delay, services: [/plain], seconds: 0.2") as (sender, hear):
+        began = asyncio.get_running_loop().time()
+        await sender.send(call)
+        assert (await hear("sender"))["values"]["success"] is True
+        assert asyncio.get_running_loop().time() - began > 0.19
+
+
+async def _until_end(hear: Callable[[str], Awaitable[Frame]]) -> AsyncIterator[Frame]:
+    while (frame := await hear("sender"))["id"] != "end":
+        yield frame
+
+
+async def test_late_calls_are_bounded_and_given_up_with_their_client(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("rosbridge_sim.shell.mocking.fault_bus.MAX_LATE_BYTES", 5_000)
+    text = FROM_CLIENTS.replace("RULE", "kind: delay, seconds: 0.3, services: ['*']")
+    async with mock_of(tmp_path, text) as sim:
+        async with connect(sim.url, compression=None) as socket:
+            for i in range(8):
+                await socket.send(orjson.dumps({"op": "call_service", "service": "/plain", "id": str(i)}).decode())
+            refused = [orjson.loads(await socket.recv()) for _ in range(3)]
+            assert {frame["values"] for frame in refused} == {"The faults of the mock delay too much already"}
+            assert [frame["id"] for frame in refused] == ["5", "6", "7"]
+        bus = sim.bus
+        assert isinstance(bus, FaultBus)
+        await until(lambda: bus.num_late_bytes == 0)
+
+
+async def test_faults_of_one_client_spare_the_others(tmp_path: Path, subscribe: Subscribe) -> None:
+    text = ROBOT + "\nfaults: {n: {kind: nan, clients: [1]}, s: {kind: wrong_type, clients: ['127.0.0.2*']}}"
+    async with mock_of(tmp_path, text) as sim:
+        first, second = await subscribe(sim.url), await subscribe(sim.url)
+        assert await receive(first, 2) == [None, None]
+        assert all(isinstance(each, float) for each in await receive(second, 2))
+        async with AsyncClient(sim.url) as client:
+            rule = {"name": "c", "active": True, "rule": "{kind: close, code: 4002, clients: [2]}"}
+            assert (await client.call("/mock/set_fault", rule))["success"] is True
+            with pytest.raises(ConnectionClosed) as closed:
+                await receive(second, 1000)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == 4002
+            await receive(first, 2)
             assert (await client.call("/plain"))["success"] is True
 
 
