@@ -128,6 +128,19 @@ def absolute(name: str) -> str:
     return name if name.startswith("/") else f"/{name}"
 
 
+SERVER_TYPES: Final = {
+    "/client_count": dict.fromkeys((1, 2), "std_msgs/Int32"),
+    "/connected_clients": dict.fromkeys((1, 2), "rosbridge_msgs/ConnectedClients"),
+    "/rosout": {1: "rosgraph_msgs/Log", 2: "rcl_interfaces/Log"},
+    "/sim/clients": dict.fromkeys((1, 2), "rosbridge_sim_msgs/Clients"),
+    "/sim/refusals": dict.fromkeys((1, 2), "rosbridge_sim_msgs/Refusals"),
+    "/sim/topics": dict.fromkeys((1, 2), "rosbridge_sim_msgs/Topics"),
+    "/tf": dict.fromkeys((1, 2), "tf2_msgs/TFMessage"),
+    "/tf_static": dict.fromkeys((1, 2), "tf2_msgs/TFMessage"),
+}
+"""The type that the server itself gives to a topic, in each ROS generation."""
+
+
 class _Planner:
     """Compiles one file."""
 
@@ -172,12 +185,12 @@ class _Planner:
         """Note names that differ by a slash alone, and names that the mock needs itself."""
         mock = self._mock
         for key, things in (("topics", mock.topics), ("services", mock.services), ("actions", mock.actions)):
+            own_names = ("/mock/", "/rosapi/") if key == "services" else ("/mock/",)
             seen: set[str] = set()
             for name in things:
-                if absolute(name) in seen or absolute(name).startswith("/mock/"):
-                    why = (
-                        "the mock's own names begin with /mock/" if absolute(name) not in seen else "it is there twice"
-                    )
+                own = next((each for each in own_names if absolute(name).startswith(each)), None)
+                if absolute(name) in seen or own is not None:
+                    why = "it is there twice" if own is None else f"the mock's own names begin with {own}"
                     self._maker.note((key, name), f"expected another name: {why}")
                 seen.add(absolute(name))
 
@@ -188,8 +201,12 @@ class _Planner:
 
     def _know(self, name: str, type_name: str, place: Place) -> None:
         found = self._type(self._store.message, type_name, place)
-        if found is not None:
-            self._types[absolute(name)] = found
+        if found is None:
+            return
+        self._types[absolute(name)] = found
+        fixed = SERVER_TYPES.get(absolute(name), {}).get(self._store.ros, found.name)
+        if found.name != fixed:
+            self._maker.note(place, f"expected {fixed}, the type of {absolute(name)} in each server, got {found.name}")
 
     def _type(self, find: Callable[[str], T], name: str, place: Place) -> T | None:
         """Return a type, or note why there is none."""

@@ -273,6 +273,12 @@ def test_stamps_of_a_recorded_message_are_taken_out() -> None:
         ("topics: {/x: {type: std_msgs/Float64, rate: 0}}", "topics./x.rate: expected more than 0, got 0"),
         ("topics: {/x y: {type: std_msgs/Float64}}", "expected a name such as /odom"),
         ("topics: {/mock/a: {type: std_msgs/Float64}}", "the mock's own names begin with /mock/"),
+        ("services: {/rosapi/nodes: {type: std_srvs/Trigger}}", "the mock's own names begin with /rosapi/"),
+        (
+            "topics: {/rosout: {type: std_msgs/String}}",
+            "expected rosgraph_msgs/Log, the type of /rosout in each server, got std_msgs/String",
+        ),
+        ("subscribers: {tf: std_msgs/String}", "expected tf2_msgs/TFMessage, the type of /tf in each server"),
         (
             "topics: {/a: {type: std_msgs/Bool}, a: {type: std_msgs/Bool}}",
             "topics.a: expected another name: it is there",

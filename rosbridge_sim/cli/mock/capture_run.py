@@ -164,6 +164,8 @@ async def capture_mock(
         put_json(document)
     else:
         note(f"{file}: " + ", ".join(f"{len(part):,} {key}" for key, part in document.items()))
+    if bag is None and topics and not services:
+        note("no services and actions, because -t selects topics alone; -s '*' takes them, too")
 
 
 def _bag_of(source: str) -> Path | None:

@@ -99,6 +99,7 @@ async def test_patterns_of_one_kind_select_nothing_of_the_others(
     assert done.code == 0, done
     document = json.loads(done.out)
     assert document.keys() == kinds
+    assert ("-s '*' takes them" in done.err) == ("-t" in words)
     wanted = {"--call": {"/sim/describe"}, "-s": {"/SyncModeCmd", "/SyncModeCtrlCmd"}}
     assert set(document.get("services", ())) == wanted.get(words[-2], set())
 
