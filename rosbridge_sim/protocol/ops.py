@@ -8,7 +8,7 @@ one frame, CBOR) are Python objects. An `OpBody` is either of the two.
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias, get_args
 
 import msgspec
 
@@ -234,28 +234,8 @@ Op: TypeAlias = (
     | Auth
 )
 
-OPS: dict[str, type[Op]] = {
-    "advertise": Advertise,
-    "unadvertise": Unadvertise,
-    "publish": Publish,
-    "subscribe": Subscribe,
-    "unsubscribe": Unsubscribe,
-    "call_service": CallService,
-    "advertise_service": AdvertiseService,
-    "unadvertise_service": UnadvertiseService,
-    "service_response": ServiceResponse,
-    "advertise_action": AdvertiseAction,
-    "unadvertise_action": UnadvertiseAction,
-    "send_action_goal": SendActionGoal,
-    "cancel_action_goal": CancelActionGoal,
-    "action_feedback": ActionFeedback,
-    "action_result": ActionResult,
-    "fragment": Fragment,
-    "png": Png,
-    "set_level": SetLevel,
-    "status": Status,
-    "auth": Auth,
-}
+OPS: dict[str, type[Op]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Op)}
+"""Name of an op on the wire -> its type."""
 
 
 _NULL = b"null"
