@@ -25,7 +25,7 @@ from rosbridge_sim.world.state.world import World
 _log = logging.getLogger("rosbridge_sim.campaign")
 
 
-class WatchedDrive:
+class WatchedDrive(Participant):
     """One drive, followed frame by frame.
 
     Attributes:

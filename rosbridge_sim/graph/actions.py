@@ -22,7 +22,7 @@ import msgspec
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus_state import BusState
-from rosbridge_sim.graph.participant import Participant, decode_body, gives_way, resolve, size_of_body, take_over
+from rosbridge_sim.graph.participant import Participant, decode_body, resolve, size_of_body, take_over
 from rosbridge_sim.graph.service_table import ServiceTable
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.graph.type_resolution import TypeResolver
@@ -301,7 +301,7 @@ class Actions:
         old = self.by_name.get(name)
         self._check_cancel(name, owner, old)
         if old is not None and old.owner is not owner:
-            if old.is_exclusive and not gives_way(old.owner, owner):
+            if old.is_exclusive and not old.owner.gives_way(owner):
                 raise GraphError(f"Action {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             owner.notify("warning", f"Duplicate action advertised. Overwriting {name}.")
             self._state.guard.attempt("the loss of an action", take_over, old.owner, "action", name, owner)
@@ -493,7 +493,7 @@ class Actions:
     def _check_cancel(self, name: str, owner: Participant, old: Action | None) -> None:
         """Raise GraphError if a third owner has the action's service for cancelling exclusively."""
         service = self._services.by_name.get(name + CANCEL)
-        if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):
+        if service is None or not service.is_exclusive or service.owner is owner or service.owner.gives_way(owner):
             return
         if old is None or service.owner is not old.owner:
             raise GraphError(

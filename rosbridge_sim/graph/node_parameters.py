@@ -84,7 +84,7 @@ def provide_node_parameters(bus: Bus, policy: Policy, *, is_simulated: bool) -> 
         _NodeParameters(bus, policy, node).provide(is_simulated=is_simulated)
 
 
-class _NodeParameters:
+class _NodeParameters(Participant):
     """The services of one node; `name` is that of the node."""
 
     def __init__(self, bus: Bus, policy: Policy, name: str) -> None:
@@ -96,9 +96,6 @@ class _NodeParameters:
         self._descriptor = bus.store.message("rcl_interfaces/ParameterDescriptor").struct_type
         self._result = bus.store.message("rcl_interfaces/SetParametersResult").struct_type
         self._listed = bus.store.message("rcl_interfaces/ListParametersResult").struct_type
-
-    def notify(self, level: str, text: str) -> None:
-        """Do nothing: it makes no requests, so it needs no notices."""
 
     def provide(self, *, is_simulated: bool) -> None:
         """Offer all services, and set `use_sim_time`."""

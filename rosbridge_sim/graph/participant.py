@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from functools import lru_cache
-from typing import Literal, Protocol, TypeAlias, cast, runtime_checkable
+from typing import Literal, TypeAlias
 
 import msgspec
 
@@ -20,197 +19,98 @@ from rosbridge_sim.suggestions import listing
 _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
 
-class Participant(Protocol):
+OfferKind: TypeAlias = Literal["topic", "service", "action"]
+"""Kinds of things that an owner offers under a name."""
+
+NodeRole: TypeAlias = Literal["publisher", "subscriber", "provider", "any"]
+"""Parts that a node has in a topic or a service; `any` is for all nodes, whatever the thing."""
+
+Notify = Callable[[str, str], None]
+"""`(level, text)`, as for `Participant.notify`."""
+
+
+class Participant:
     """An owner of topics and services; compared by identity.
+
+    Its methods do what a part of the server does. Clients, bridges and nodes of another graph override those in which
+    they differ.
 
     Attributes:
         name: ROS node name in rosapi's lists, e.g. `/morai_sim`.
+        address: `host:port` of a client, which tells clients apart; empty for a part of the server.
+        is_guest: it must give names to the server's own parts, as a client does. The server's parts come first, so that
+            no client can take names and types that one of them needs, such as an ego that is added later. A type in a
+            guest's subscription applies only to that subscription.
     """
 
+    name: str
+    address = ""
+    is_guest = False
+
     @property
-    def name(self) -> str:
-        """ROS node name in rosapi's lists."""
+    def where(self) -> str:
+        """The address of a client; of a part of the server, the name of its node."""
+        return self.address or self.name
 
     def notify(self, level: str, text: str) -> None:
-        """Receive a notice that is not an answer to a request.
+        """Receive a notice that is not an answer to a request; it is ignored by a part that makes no requests.
 
         Args:
             level: `info`, `warning` or `error`.
         """
 
+    def explain(self, level: str, text: str, reason: Reason) -> None:  # noqa: ARG002 - for those that record it
+        """Receive the news that a request was refused, with the kind of the mistake.
 
-@runtime_checkable
-class Holdable(Protocol):
-    """An owner whose input can wait: its next ops are handled later, in order."""
+        Args:
+            level: `warning` or `error`.
+        """
+        self.notify(level, text)
+
+    def remark(self, level: str, text: str) -> None:
+        """Receive the news of what others have done, which is no mistake of this owner."""
+        self.notify(level, text)
+
+    def notifier(self) -> Notify:
+        """Return a function that tells this owner something about its current request, now or later."""
+        return self.notify
 
     def hold(self) -> Callable[[], None]:
-        """Handle no more input of this owner until the returned function is called. Several holds are counted.
+        """Handle no more input of this owner, because its current request takes time. Several holds are counted.
+
+        An owner inside this process cannot be held; it only gets its answer later.
 
         Returns:
             Ends this hold; a second call does nothing.
         """
+        return _nothing
 
-
-OfferKind: TypeAlias = Literal["topic", "service", "action"]
-"""Kinds of things that an owner offers under a name."""
-
-
-@runtime_checkable
-class Guest(Protocol):
-    """An owner that must give names to the server's own parts: a client.
-
-    The server's parts come first, so that no client can take names and types that one of them needs, such as an ego
-    that is added later. A type in a guest's subscription applies only to that subscription.
-    """
-
-    def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """Receive the news that another owner takes an offer of this one.
-
-        It is called just before the offer is removed from the bus.
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:  # noqa: ARG002 - for guests
+        """Receive the news that another owner takes an offer of this one, before it is removed from the bus.
 
         Args:
             name: absolute name.
             why: a line of text for the user of the client.
         """
+        self.notify("error", why)
 
-
-def is_guest(owner: Participant) -> bool:
-    """Return True if an owner is a guest."""
-    return _has(type(owner), Guest)
-
-
-Notify = Callable[[str, str], None]
-"""`(level, text)`, as for `notify`."""
-
-
-@runtime_checkable
-class Correlating(Protocol):
-    """An owner that can be told later which of its requests a notice is about."""
-
-    def notifier(self) -> Notify:
-        """Return a function like `notify` that adds the id of the current request, even later."""
-
-
-@runtime_checkable
-class Explaining(Protocol):
-    """An owner that gets the kind of its mistake together with the text."""
-
-    def explain(self, level: str, text: str, reason: Reason) -> None:
-        """Receive a notice with a reason, which goes to the log and to `/sim/refusals`.
+    def nodes(self, role: NodeRole, name: str) -> Iterable[str]:  # noqa: ARG002 - for owners that stand for many nodes
+        """Return the names of the nodes that this owner is or stands for, as far as they have a part in a thing.
 
         Args:
-            level: `warning` or `error`.
+            name: that of the topic or service.
         """
-
-
-@runtime_checkable
-class Located(Protocol):
-    """An owner with an address on the network.
-
-    Attributes:
-        address: `host:port`.
-    """
-
-    address: str
-
-
-def address_of(owner: Participant) -> str:
-    """Return the address of an owner, which tells clients apart; the name of its node if it has none."""
-    return owner.address if isinstance(owner, Located) else owner.name
-
-
-@runtime_checkable
-class Remarkable(Protocol):
-    """An owner that can be told what others have done; `notify` would count as a mistake of its own."""
-
-    def remark(self, level: str, text: str) -> None:
-        """Say something that concerns no request of this owner."""
-
-
-def remark(owner: Participant, level: str, text: str) -> None:
-    """Tell an owner what others have done."""
-    if isinstance(owner, Remarkable):
-        owner.remark(level, text)
-    else:
-        owner.notify(level, text)
-
-
-def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
-    """Tell an owner why its request was refused. An owner that does not record reasons gets only the text.
-
-    Args:
-        level: `warning` or `error`.
-    """
-    if isinstance(owner, Explaining):
-        owner.explain(level, text, reason)
-    else:
-        owner.notify(level, text)
-
-
-@runtime_checkable
-class Standing(Protocol):
-    """An owner that stands for many nodes, those of another graph."""
-
-    def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
-        """Return the names of the nodes with a part in a thing; `name` is that of the topic or service."""
-
-
-NodeRole: TypeAlias = Literal["publisher", "subscriber", "provider", "any"]
-"""Parts that a node has in a topic or a service; `any` is for all nodes, whatever the thing."""
-
-
-def node_names_of(owner: Participant, role: NodeRole, name: str = "") -> Iterable[str]:
-    """Return the names of the nodes that an owner is or stands for, as far as they have a part in a thing."""
-    return cast("Standing", owner).nodes(role, name) if _has(type(owner), Standing) else (owner.name,)
-
-
-@runtime_checkable
-class Restricted(Protocol):
-    """An owner with limited rights: a client."""
+        return (self.name,)
 
     def check_subscribe(self, topic: str, type_name: str) -> None:
-        """Raise GraphError if this owner must not subscribe to a topic."""
+        """Raise GraphError if this owner must not have the messages of a topic, by a subscription or in an answer."""
 
     def check_publish(self, topic: str, type_name: str) -> None:
-        """Raise GraphError if this owner must not publish to a topic."""
+        """Raise GraphError if this owner must not publish on a topic, or have messages published there."""
 
-
-def check_publishing(owner: Participant, topic: str, type_name: str) -> None:
-    """Check that an owner may have messages published on a topic, as if it did so itself.
-
-    Raises:
-        GraphError: it must not publish there.
-    """
-    if isinstance(owner, Restricted):
-        owner.check_publish(topic, type_name)
-
-
-def check_reading(owner: Participant, topic: str, type_name: str) -> None:
-    """Check that an owner may have the messages of a topic, in an answer as by a subscription.
-
-    Raises:
-        GraphError: it must not subscribe to it.
-    """
-    if isinstance(owner, Restricted):
-        owner.check_subscribe(topic, type_name)
-
-
-def may_read(owner: Participant, topic: str, type_name: str) -> bool:
-    """Return True if an owner may have the messages of a topic; the arguments are those of `check_reading`."""
-    try:
-        check_reading(owner, topic, type_name)
-    except GraphError:
-        return False
-    return True
-
-
-def gives_way(old: Participant, new: Participant) -> bool:
-    """Return True if an owner must leave even its exclusive name to another one.
-
-    Args:
-        old: the present owner of the name.
-    """
-    return is_guest(old) and not is_guest(new)
+    def gives_way(self, other: Participant) -> bool:
+        """Return True if this owner must leave even an exclusive name to another one."""
+        return self.is_guest and not other.is_guest
 
 
 def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) -> None:
@@ -220,31 +120,7 @@ def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) ->
         name: absolute name.
     """
     why = f"{kind.capitalize()} {name} is provided by {new.name} from now on: this client's offer has ended"
-    if is_guest(old):
-        cast("Guest", old).lose(kind, name, why)
-    else:
-        old.notify("error", why)
-
-
-def hold(owner: Participant) -> Callable[[], None]:
-    """Hold an owner's input, because its current request takes time.
-
-    An owner inside this process that cannot be held only gets its answer later.
-
-    Returns:
-        Releases the owner. It must be called once; a second call does nothing.
-    """
-    return cast("Holdable", owner).hold() if _has(type(owner), Holdable) else _nothing
-
-
-def notifier(owner: Participant) -> Notify:
-    """Return a function that tells an owner something about its current request, now or later."""
-    return cast("Correlating", owner).notifier() if _has(type(owner), Correlating) else owner.notify
-
-
-@lru_cache(maxsize=64)  # a few classes; `isinstance` looks up all members of a protocol at each call, which takes 8 us
-def _has(kind: type, protocol: type) -> bool:
-    return issubclass(kind, protocol)
+    old.lose(kind, name, why)
 
 
 def _nothing() -> None:
@@ -325,5 +201,5 @@ def _by_name(
     if len(values) > len(names) and giver is not None:
         has = f"; it has {listing(names)}" if names else ""
         text = f"{message_type.name} takes {len(names)} values, but got {len(values)}: the rest is ignored{has}"
-        explain(giver, "warning", text, Reason.WRONG_VALUE)
+        giver.explain("warning", text, Reason.WRONG_VALUE)
     return dict(zip(names, values, strict=False))

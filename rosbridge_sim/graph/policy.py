@@ -30,7 +30,7 @@ from functools import lru_cache, partial
 from typing import Final
 
 from rosbridge_sim.errors import GraphError, Reason
-from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.ways import ACTIONLIB_TOPICS, SHOWN_TOPICS, PolicyEffect, Use, Way, Ways, topics_shown_by
 from rosbridge_sim.records import Record
 
@@ -298,6 +298,25 @@ class Policy:
 
 OPEN = Policy()
 """A policy that allows everything."""
+
+
+class Guest(Participant):
+    """A participant with the rights of clients.
+
+    Attributes:
+        policy: its rights.
+    """
+
+    is_guest = True
+    policy: Policy
+
+    def check_subscribe(self, topic: str, type_name: str) -> None:
+        """See `Participant`."""
+        self.policy.check_subscribe(topic, type_name)
+
+    def check_publish(self, topic: str, type_name: str) -> None:
+        """See `Participant`."""
+        self.policy.check_publish(topic, type_name)
 
 
 def _listed(parts: Sequence[str], limit: int = MAX_WAYS_SHOWN, between: str = ", ") -> str:

@@ -15,7 +15,7 @@ import orjson
 from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.node_parameters import SAME_AS, fields_of, text_of
-from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.topics_services import Answer, Call, Handle, Service
 from rosbridge_sim.graph.ways import Use, Way
@@ -32,7 +32,7 @@ _Struct: TypeAlias = Any
 _OPS: Final = ("get_param", "set_param", "has_param", "delete_param", "get_param_names")
 
 
-class RemoteParameters:
+class RemoteParameters(Participant):
     """The parameters of nodes, for the services of rosapi.
 
     Attributes:

@@ -18,7 +18,7 @@ import orjson
 from rosbridge_sim.errors import GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.parameters import MAX_PARAMETERS, MAX_VALUE_PARTS
-from rosbridge_sim.graph.participant import NodeRole, Participant, node_names_of, resolve
+from rosbridge_sim.graph.participant import NodeRole, Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
 from rosbridge_sim.protocol.body_limits import BodyLimits
@@ -68,7 +68,7 @@ _Fields: TypeAlias = dict[str, Any]
 """The fields of a response; each has its own type."""
 
 
-class Rosapi:
+class Rosapi(Participant):
     """The owner of the rosapi services."""
 
     name = ROSAPI_NAME
@@ -229,13 +229,9 @@ class Rosapi:
         topics = self._sorted_topics()
         return {
             "subscribing": [
-                t.name
-                for t in topics
-                if any(node in node_names_of(s.owner, "subscriber", t.name) for s in t.all_subscriptions)
+                t.name for t in topics if any(node in s.owner.nodes("subscriber", t.name) for s in t.all_subscriptions)
             ],
-            "publishing": [
-                t.name for t in topics if any(node in node_names_of(o, "publisher", t.name) for o in t.publishers)
-            ],
+            "publishing": [t.name for t in topics if any(node in o.nodes("publisher", t.name) for o in t.publishers)],
             "services": [s.name for s in self._sorted_services() if _provider(s) == node],
         }
 
@@ -418,12 +414,12 @@ def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], 
 def _node_names(owners: Iterable[Participant], role: NodeRole = "any", name: str = "") -> list[str]:
     """Return each node name once, sorted; all clients are one node."""
     name = resolve(name) if name else ""
-    return sorted({node for owner in owners for node in node_names_of(owner, role, name)})
+    return sorted({node for owner in owners for node in owner.nodes(role, name)})
 
 
 def _provider(service: Service) -> str:
     """Return the name of the node that provides a service."""
-    return next(iter(node_names_of(service.owner, "provider", service.name)), service.owner.name)
+    return next(iter(service.owner.nodes("provider", service.name)), service.owner.name)
 
 
 def _to_text(value: object) -> str:

@@ -11,7 +11,7 @@ from itertools import count
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus_state import BusState
-from rosbridge_sim.graph.participant import Participant, gives_way, resolve, size_of_body, take_over
+from rosbridge_sim.graph.participant import Participant, resolve, size_of_body, take_over
 from rosbridge_sim.graph.topics_services import Answer, Call, Handle, OnAnswer, Service
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.protocol.body_limits import BodyLimits
@@ -77,7 +77,7 @@ class ServiceTable:
         service_type = self._types.service(type_name)
         old = self.by_name.get(name)
         if old is not None:
-            if old.is_exclusive and old.owner is not owner and not gives_way(old.owner, owner):
+            if old.is_exclusive and old.owner is not owner and not old.owner.gives_way(owner):
                 raise GraphError(f"Service {name} is provided by {old.owner.name} alone", reason=Reason.NAME_TAKEN)
             if old.owner is not owner:
                 owner.notify("warning", f"Duplicate service advertised. Overwriting {name}.")

@@ -1,7 +1,7 @@
 """Topics by name: their types, publishers and subscriptions, and the lifetime of topics without publishers.
 
 Publishers decide the type of a topic. Clients that only subscribe do not, and a client must give way if a part of the
-server needs a name or a type (`Guest`). Otherwise any client could block topics of others, or of an ego.
+server needs a name or a type (`Participant.is_guest`). Otherwise any client could block topics of others, or of an ego.
 A topic's type is kept for `TYPE_MEMORY` seconds after its last publisher has left, so that a restarted program finds
 its topic unchanged (rosbridge_suite keeps the publisher itself for this time).
 """
@@ -9,11 +9,10 @@ its topic unchanged (rosbridge_suite keeps the publisher itself for this time).
 from __future__ import annotations
 
 from itertools import takewhile
-from typing import cast
 
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.bus_state import BusState, earliest
-from rosbridge_sim.graph.participant import Guest, Notify, Participant, is_guest, resolve
+from rosbridge_sim.graph.participant import Notify, Participant, resolve
 from rosbridge_sim.graph.topics_services import Deliver, Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.graph.unheard import UnheardTopics
@@ -141,7 +140,7 @@ class TopicTable:
             TypeNameError: the type does not exist.
         """
         topic, message_type = self._topic_for(owner, name, type_name)
-        if type_name is not None and not is_guest(owner):
+        if type_name is not None and not owner.is_guest:
             self._settle_type(owner, topic, message_type)
         wanted = None if type_name is None else message_type
         subscription = Subscription(
@@ -241,7 +240,7 @@ class TopicTable:
         topic = self.find_topic(name)
         if topic is None or self._state.store.canonical(type_name) == topic.type.name or not topic.is_settled:
             return None
-        if owner is not None and not is_guest(owner) and not topic.is_bound:
+        if owner is not None and not owner.is_guest and not topic.is_bound:
             return None
         return _conflict(topic.name, type_name, topic.type.name)
 
@@ -331,9 +330,9 @@ class TopicTable:
     def _displace_publishers(self, topic: Topic, why: str) -> None:
         """End the clients' advertisements of a topic that a part of the server needs for itself."""
         for owner in list(topic.publishers):
-            if is_guest(owner):  # not a part of the server: see `Topic.is_bound`
+            if owner.is_guest:  # not a part of the server: see `Topic.is_bound`
                 text = f"{why}: this client's advertisement ends"
-                self._state.guard.attempt("the loss of a topic", cast("Guest", owner).lose, "topic", topic.name, text)
+                self._state.guard.attempt("the loss of a topic", owner.lose, "topic", topic.name, text)
                 topic.unadvertise(owner, None)
                 topic.on_demand.pop(owner, None)
                 topic.forget_messages_of(owner)

@@ -12,7 +12,7 @@ from typing import Protocol
 import msgspec
 
 from rosbridge_sim.errors import PeerError, Reason
-from rosbridge_sim.graph.participant import Notify, Participant, decode_body, explain, is_guest
+from rosbridge_sim.graph.participant import Notify, Participant, decode_body
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.body_limits import LIGHT, BodyLimits
 from rosbridge_sim.protocol.ops import OpBody
@@ -78,7 +78,7 @@ class Subscription:
     @property
     def is_binding(self) -> bool:
         """True if it fixes the topic's type. A client's subscription never does: it could block publishers."""
-        return self.wanted is not None and not is_guest(self.owner)
+        return self.wanted is not None and not self.owner.is_guest
 
 
 @dataclass(eq=False, slots=True)
@@ -143,7 +143,7 @@ class Topic:
     @property
     def is_bound(self) -> bool:
         """True if a part of the server publishes here, or subscribes with a type, so that the type cannot change."""
-        return any(not is_guest(owner) for owner in self.publishers) or any(
+        return any(not owner.is_guest for owner in self.publishers) or any(
             subscription.is_binding for subscription in self.all_subscriptions
         )
 
@@ -369,7 +369,7 @@ class Call(msgspec.Struct, eq=False):
             reason: kind of mistake.
             level: `warning` or `error`.
         """
-        explain(self.caller, level, f"{self.service.name}: {why}", reason)
+        self.caller.explain(level, f"{self.service.name}: {why}", reason)
 
     def answer_with(self, message: Message) -> None:
         """End the call with a response that may have been encoded already.

@@ -6,6 +6,7 @@ from typing import Any
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.mock.faults import CONTROL, MAX_FAULTS, FaultRule, FaultTable
 from rosbridge_sim.mock.mock_model import check_fault, is_plain_name
@@ -18,7 +19,7 @@ SET_FAULT = f"{CONTROL}set_fault"
 FAULTS = f"{CONTROL}faults"
 
 
-class MockControl:
+class MockControl(Participant):
     """The participant that offers them.
 
     Attributes:
@@ -33,9 +34,6 @@ class MockControl:
         self._shown: list[Any] = []
         self._topic = bus.advertise(self, FAULTS, "rosbridge_sim_msgs/MockFaults", depth=1, is_exclusive=True)
         bus.provide(self, SET_FAULT, "rosbridge_sim_msgs/SetMockFault", self._set, is_exclusive=True)
-
-    def notify(self, level: str, text: str) -> None:
-        """Ignore a notice of the bus: this participant makes no requests."""
 
     def show(self, now: float) -> None:
         """Publish the faults, if they have changed."""

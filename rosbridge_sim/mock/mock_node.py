@@ -112,7 +112,7 @@ class _Playback:
         return track, self.topics[track_index], track.messages[i], rounds * len(track.messages) + i
 
 
-class MockNode:
+class MockNode(Participant):
     """The participant of a mock.
 
     Attributes:

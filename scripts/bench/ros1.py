@@ -31,6 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.schema.definitions.md5 import service_md5
 from rosbridge_sim.schema.definitions.typedefs import full_text
 from rosbridge_sim.schema.message import Message
@@ -46,7 +47,7 @@ PICTURE, CLOUD = 100_000, 572_000
 """Size of a picture and of a cloud of the sensors of `--sensors teaching` [bytes]."""
 
 
-class Camera:
+class Camera(Participant):
     """Publishes pictures and clouds on the bus of a server."""
 
     name = "/camera"

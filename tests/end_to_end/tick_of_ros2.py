@@ -17,13 +17,14 @@ import msgspec
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Call
 
 DOMAIN: Final = 78
 NUM_TICKS: Final = 200
 
 
-class Ticker:
+class Ticker(Participant):
     """The master of synchronous mode, and the provider of `/tick`."""
 
     name = address = "/ticker"

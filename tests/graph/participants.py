@@ -15,7 +15,7 @@ STRING = "std_msgs/String"
 ADD = "rospy_tutorials/AddTwoInts"
 
 
-class Somebody:
+class Somebody(Participant):
     """An owner that remembers what it is told and what it hears."""
 
     def __init__(self, name: str = "/somebody") -> None:
@@ -31,12 +31,14 @@ class Somebody:
     def deliver(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
         self.heard.append((topic.name, message.value))
 
-    def hold(self, call: Call, _now: float) -> None:
+    def keep(self, call: Call, _now: float) -> None:
         self.calls.append(call)
 
 
 class YieldingParticipant(Somebody):
     """An owner that gives way to the server's own parts, as clients do."""
+
+    is_guest = True
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
         self.told.append((f"{kind} {name}", why))

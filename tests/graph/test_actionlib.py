@@ -20,7 +20,7 @@ NAME = "/count"
 TYPE = "actionlib_tutorials/Fibonacci"
 
 
-class GoalClient:
+class GoalClient(Participant):
     """Who sends goals and hears of them; or provides."""
 
     def __init__(self, scene: ActionFixture | None = None, name: str = "/somebody") -> None:

@@ -35,7 +35,7 @@ def test_relative_names_are_resolved_against_the_root() -> None:
 def test_next_deadline_is_the_earliest_of_a_call_and_a_topic_without_holders(timeout: float) -> None:
     """A later one would leave the caller without an answer, or the topic with its old type, for too long."""
     bus, provider, caller, visitor = make_bus(), Somebody(), Somebody(), YieldingParticipant()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=timeout)
     bus.advertise(visitor, "/t", STRING)
     bus.leave(visitor, 0.0)
@@ -44,7 +44,7 @@ def test_next_deadline_is_the_earliest_of_a_call_and_a_topic_without_holders(tim
 
 def test_next_deadline_is_that_of_a_listener_without_a_publisher_where_it_comes_first() -> None:
     bus, provider, caller, listener = make_bus(), Somebody(), Somebody(), Somebody()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=UNPUBLISHED_AFTER + 1.0)
     subscription = bus.subscribe(listener, "/t", listener.deliver, type_name=STRING)
     bus.unpublished.watch(subscription, subscription.topic, lambda _topic: None, 0.0)
@@ -74,7 +74,7 @@ def test_holdings_hook_is_called_for_all_that_an_owner_begins_and_ceases_to_hold
     steps: list[Callable[[], object]] = [
         lambda: bus.advertise(owner, "/t", STRING),
         lambda: bus.unadvertise(owner, "/t", 0.0),
-        lambda: bus.provide(owner, "/s", ADD, owner.hold),
+        lambda: bus.provide(owner, "/s", ADD, owner.keep),
         lambda: bus.withdraw(owner, "/s"),
     ]
     for step in steps:
@@ -249,7 +249,7 @@ class BusMachine(RuleBasedStateMachine):
     @rule(who=people, name=services)
     def provide(self, who: int, name: str) -> None:
         owner = self.owners[who]
-        self.bus.provide(owner, name, ADD, owner.hold)
+        self.bus.provide(owner, name, ADD, owner.keep)
 
     @rule(who=people, name=services)
     def withdraw(self, who: int, name: str) -> None:

@@ -32,7 +32,7 @@ class Fault(Exception):  # noqa: N818 - a bug of ours, planted
     """What no part of the server raises on purpose."""
 
 
-class ServerComponent:
+class ServerComponent(Participant):
     """An owner that serves everybody and cannot end alone."""
 
     name = "/part"

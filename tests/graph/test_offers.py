@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from tests.graph.bus_fixture import Wire, make_bus
 
@@ -20,7 +21,7 @@ def bus() -> Bus:
     return make_bus()
 
 
-class ServerComponent:
+class ServerComponent(Participant):
     """A part of the server: it gives way to no client."""
 
     name = "/morai_sim"

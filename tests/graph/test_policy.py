@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import parameters, topic_table
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer import MAX_OP_ID
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
@@ -129,7 +130,7 @@ def test_malformed_name_is_reported_as_without_a_policy(join: Join) -> None:
 
 
 def test_policy_does_not_apply_to_the_simulator(bus: Bus, join: Join) -> None:
-    class Owner:
+    class Owner(Participant):
         name = "/sim"
 
         def notify(self, level: str, text: str) -> None:

@@ -15,9 +15,9 @@ from tests.graph.participants import ADD, Somebody
 
 def test_an_exclusive_service_cannot_be_taken_over() -> None:
     bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
-    service = bus.provide(node, "/s", ADD, node.hold, is_exclusive=True)
+    service = bus.provide(node, "/s", ADD, node.keep, is_exclusive=True)
     with pytest.raises(GraphError, match="provided by /morai_sim alone"):
-        bus.provide(other, "/s", ADD, other.hold)
+        bus.provide(other, "/s", ADD, other.keep)
     with pytest.raises(GraphError, match="can't unadvertise"):
         bus.withdraw(other, "/s")
     assert bus.services["/s"] is service
@@ -26,7 +26,7 @@ def test_an_exclusive_service_cannot_be_taken_over() -> None:
 def test_withdrawn_service_lets_pending_calls_finish_or_refuses_them() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     for answers_calls in (True, False):
-        bus.provide(provider, "/add", ADD, provider.hold)
+        bus.provide(provider, "/add", ADD, provider.keep)
         bus.call(caller, "/add", {}, caller.answers.append, now=0.0)
         bus.withdraw(provider, "/add", answers_calls=answers_calls)
         provider.calls[-1].refuse("later")
@@ -35,7 +35,7 @@ def test_withdrawn_service_lets_pending_calls_finish_or_refuses_them() -> None:
 
 def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=5.0)
     for _ in range(10 * MAX_STALE):
         bus.call(caller, "/add", {}, caller.answers.append, now=0.0, timeout=1e9)
@@ -50,8 +50,8 @@ def test_ended_calls_do_not_wait_for_a_deadline_that_is_far_away() -> None:
 def test_call_in_flight_counts_on_its_callers_account_until_it_ends() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     account = bus.accounts[caller] = Account(10_000)
-    bus.provide(provider, "/add", ADD, provider.hold)
-    bus.provide(provider, "/own", ADD, provider.hold, is_exclusive=True)
+    bus.provide(provider, "/add", ADD, provider.keep)
+    bus.provide(provider, "/own", ADD, provider.keep, is_exclusive=True)
     bus.call(caller, "/own", {}, caller.answers.append, now=0.0)
     assert account.num_bytes == 0  # the simulator's own services answer at once
     for end in ("answer", "refuse", "expire", "leave"):
@@ -71,7 +71,7 @@ def test_call_in_flight_counts_on_its_callers_account_until_it_ends() -> None:
 def test_call_beyond_the_account_is_refused() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
     bus.accounts[caller] = Account(1)
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     bus.call(caller, "/add", {}, caller.answers.append, now=0.0)
     (answer,) = caller.answers
     assert (answer.is_ok, answer.reason, provider.calls) == (False, Reason.TOO_MUCH, [])
@@ -81,16 +81,16 @@ def test_call_beyond_the_account_is_refused() -> None:
 def test_readvertised_service_is_silent_for_its_owner_and_a_warning_for_others() -> None:
     bus, node, other = make_bus(), Somebody("/morai_sim"), Somebody()
     for is_exclusive in (True, False):
-        service = bus.provide(node, "s", ADD, node.hold, is_exclusive=is_exclusive)
+        service = bus.provide(node, "s", ADD, node.keep, is_exclusive=is_exclusive)
         assert bus.services == {"/s": service}
     assert node.told == []
-    bus.provide(other, "/s", ADD, other.hold)
+    bus.provide(other, "/s", ADD, other.keep)
     assert other.told == [("warning", "Duplicate service advertised. Overwriting /s.")]
 
 
 def test_call_ends_at_its_deadline() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     bus.call(caller, "/add", {"a": 1}, caller.answers.append, now=0.0, timeout=2.0)
     bus.call(caller, "/add", {"a": 2}, caller.answers.append, now=0.0, timeout=0.0)
     bus.call(caller, "/add", {"a": 3}, caller.answers.append, now=0.0)
@@ -106,7 +106,7 @@ def test_call_ends_at_its_deadline() -> None:
 
 def test_a_provider_hears_of_the_end_of_a_call_once_however_it_ends() -> None:
     bus, provider, caller, leaving = make_bus(), Somebody(), Somebody(), Somebody()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     for one, timeout in ((caller, 2.0), (caller, 9.0), (leaving, 9.0), (caller, 9.0)):
         bus.call(one, "/add", {}, one.answers.append, now=0.0, timeout=timeout)
     ends: list[int] = []
@@ -124,7 +124,7 @@ def test_a_provider_hears_of_the_end_of_a_call_once_however_it_ends() -> None:
 def test_default_time_out_holds_for_a_call_without_one() -> None:
     bus = Bus(make_store(), service_timeout=5.0)
     provider, caller = Somebody(), Somebody()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     bus.call(caller, "/add", None, caller.answers.append, now=1.0)
     assert bus.next_deadline() == 6.0
     provider.calls[0].refuse("no")
@@ -145,7 +145,7 @@ def test_internal_failure_of_a_provider_still_answers_the_call() -> None:
 
 def test_calls_in_flight_are_bounded() -> None:
     bus, provider, caller = make_bus(), Somebody(), Somebody()
-    bus.provide(provider, "/add", ADD, provider.hold)
+    bus.provide(provider, "/add", ADD, provider.keep)
     for _ in range(MAX_CALLS + 1):
         bus.call(caller, "/add", None, caller.answers.append, now=0.0)
     assert len(provider.calls) == MAX_CALLS

@@ -20,7 +20,7 @@ from tests.graph.bus_fixture import Wire, make_bus
 INT, STRING, IMAGE = "std_msgs/Int32", "std_msgs/String", "sensor_msgs/Image"
 
 
-class ServerComponent:
+class ServerComponent(Participant):
     """A part of the server: it gives way to no client."""
 
     name = "/morai_sim"

@@ -21,6 +21,7 @@ import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.client import Client, ServiceRefusedError
 from rosbridge_sim.errors import SettingError
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.assembly import list_items
 from rosbridge_sim.shell.clocks.scheduler import WorldFailedError
@@ -306,7 +307,7 @@ def break_down(*_: object) -> NoReturn:
     raise ZeroDivisionError
 
 
-class InProcessListener:
+class InProcessListener(Participant):
     """A listener in the same process, of the program that runs the simulator, which cannot end alone."""
 
     name = "/stranger"

@@ -15,7 +15,7 @@ from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, 
 __all__ = ["MemoryRecordings"]
 
 
-class MemoryRecordings:
+class MemoryRecordings(Participant):
     """Recordings in memory: messages as they went over a bus.
 
     Attributes:

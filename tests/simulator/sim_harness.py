@@ -220,7 +220,7 @@ class MemoryDataStore:
         )
 
 
-class Client:
+class Client(Participant):
     """Somebody on the bus.
 
     Attributes:
@@ -229,6 +229,8 @@ class Client:
         heard: (topic, message as Python objects), of all topics that it listens to, in order.
         raw: the same as JSON text.
     """
+
+    is_guest = True
 
     def __init__(self, bus: Bus, name: str) -> None:
         self.name = name

@@ -12,6 +12,7 @@ import pytest
 
 from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenarios.scenario import Scenario
@@ -112,7 +113,7 @@ def make_ego() -> object:
     return store.message("morai_msgs/EgoVehicleStatus").check({"position": {"x": 1.0}}, 0)
 
 
-class Asker:
+class Asker(Participant):
     """A client whose calls are answered later."""
 
     name = "/asker"

@@ -25,7 +25,7 @@ FAR_SIDE_NAME: Final = "/rosbridge_far_side"
 """Node name of all programs on the far side together, because we cannot tell them apart."""
 
 
-class FarSide:
+class FarSide(Participant):
     """One far side, without the mirrored items.
 
     Attributes:
@@ -108,12 +108,12 @@ class FarSide:
         self._note_notice(level, text, self.op)
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """See `Explaining`. The level is not used, because no program there can receive the text."""
+        """See `Participant`. The level is not used, because no program there can receive the text."""
         assert level != "info", "an info is not a mistake"
         self.note_mistake(reason, text, self.op)
 
     def notifier(self) -> Notify:
-        """Return a function like `notify`; see `Correlating`."""
+        """Return a function like `notify`; see `Participant`."""
         op = self.op
         return lambda level, text: self._note_notice(level, text, op)
 

@@ -199,7 +199,7 @@ class Mirror(FarSide):
         return bool(connection.waiting) and not connection.is_held
 
     def hold(self) -> Callable[[], None]:
-        """Hold the connection of the current op; see `Holdable`."""
+        """Hold the connection of the current op; see `Participant`."""
         let_go = (self._connection_in_hand or self._registry.first).hold()
 
         def release() -> None:

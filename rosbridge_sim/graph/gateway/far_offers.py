@@ -12,8 +12,8 @@ from rosbridge_sim.graph.actions import HIDDEN, Action
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarGraph, FarService
 from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some
-from rosbridge_sim.graph.participant import OfferKind, Participant, is_guest
-from rosbridge_sim.graph.policy import Policy, is_allowed
+from rosbridge_sim.graph.participant import OfferKind, Participant
+from rosbridge_sim.graph.policy import Guest, Policy, is_allowed
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Service
 
@@ -21,7 +21,7 @@ Offer = TypeVar("Offer")
 """The type of a service or an action, as nodes know it."""
 
 
-class FarOffers(ABC, Generic[Offer]):
+class FarOffers(Guest, ABC, Generic[Offer]):
     """Services or actions of nodes, as a participant of the bus that offers them.
 
     Attributes:
@@ -66,7 +66,7 @@ class FarOffers(ABC, Generic[Offer]):
         self.foreign: dict[str, FarService] = {}
         self._graph = graph
         self._bus = bus
-        self._policy = policy
+        self.policy = policy
         self._find_type = find
         self._known = known
         self._check_use = check_use
@@ -78,7 +78,7 @@ class FarOffers(ABC, Generic[Offer]):
         self._log.notify(level, text)
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """See `Guest`: another participant provides it from now on."""
+        """See `Participant`: another participant provides it from now on."""
         self.foreign.pop(name, None)
         self._log.tell(f"{kind} {name}: {why}")
 
@@ -102,7 +102,7 @@ class FarOffers(ABC, Generic[Offer]):
             if name in self.foreign or len(self.foreign) >= self.most:
                 continue
             try:
-                self._policy.check_offer(name)
+                self.policy.check_offer(name)
                 found_type = self._find_type(one.type_name)
                 self._check_free(name)
                 self._provide(one, found_type)
@@ -168,7 +168,7 @@ class FarOffers(ABC, Generic[Offer]):
         """Raise GraphError if another participant offers one of the same name."""
         known = self._known.get(name)
         if known is not None and known.owner is not self:
-            who = "a client of this server" if is_guest(known.owner) else known.owner.name
+            who = "a client of this server" if known.owner.is_guest else known.owner.name
             article = "an" if self.kind == "action" else "a"
             raise GraphError(f"{who} provides {article} {self.kind} of this name", reason=Reason.NAME_TAKEN)
 

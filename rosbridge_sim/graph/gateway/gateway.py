@@ -24,7 +24,7 @@ from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, T
 from rosbridge_sim.graph.gateway.quality import Quality
 from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some, node_text
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
-from rosbridge_sim.graph.policy import Policy, Rule, is_allowed
+from rosbridge_sim.graph.policy import Guest, Policy, Rule, is_allowed
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.records import replace
@@ -78,7 +78,7 @@ class _Reader(Generic[Type]):
     quality: Quality
 
 
-class Gateway(Generic[Type]):
+class Gateway(Guest, Generic[Type]):
     """All programs on a graph of ROS nodes, as one participant of our bus.
 
     Attributes:
@@ -114,8 +114,7 @@ class Gateway(Generic[Type]):
         self._bus = bus
         self._find_type = find
         self._node = node
-        self._policy = policy
-        self.check_subscribe, self.check_publish = policy.check_subscribe, policy.check_publish  # see `Restricted`
+        self.policy = policy
         self._topics = topics
         self._qualities = [(Rule((pattern,)), quality) for pattern, quality in qualities]
         self._writers: dict[str, _Writer[Type]] = {}
@@ -142,12 +141,12 @@ class Gateway(Generic[Type]):
         self._lines.notify(level, text)
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """See `Guest`: a part of the server publishes there from now on."""
+        """See `Participant`: a part of the server publishes there from now on."""
         self._advertised.pop(name, None)
         self._lines.tell(f"{kind} {name}: {why}")
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
-        """See `Standing`. A program that has told no name counts as this gateway."""
+        """See `Participant`. A program that has told no name counts as this gateway."""
         if role == "any":
             return {one.node or self.name for one in self._endpoints.values()}
         return {one.node or self.name for one in self._by_topic.get((name, role == "publisher"), {}).values()}
@@ -308,7 +307,7 @@ class Gateway(Generic[Type]):
             self._lines.tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
             return False
         try:
-            self._policy.check_publish(name, far_type.type.name)
+            self.policy.check_publish(name, far_type.type.name)
             self._bus.advertise(self, name, far_type.type.name, is_on_demand=True)
         except PeerError as error:
             kind = error.reason if isinstance(error, GraphError) else None

@@ -17,8 +17,8 @@ from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarCall, FarGraph, FarService, FarServiceType, OnReply
 from rosbridge_sim.graph.gateway.far_offers import FarOffers
-from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
-from rosbridge_sim.graph.policy import Policy
+from rosbridge_sim.graph.participant import NodeRole, Participant
+from rosbridge_sim.graph.policy import Guest, Policy
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.schema.message import Message
 
@@ -33,7 +33,7 @@ PATIENCE: Final = 60.0
 a node that has died is found to be gone after some 20 s, and one that hangs never is."""
 
 
-class CallingNode:
+class CallingNode(Guest):
     """A node that has called a service of the bus, as a participant of the bus.
 
     Attributes:
@@ -47,14 +47,11 @@ class CallingNode:
         self.was_seen = False
         self.address = f"{graph.title} node {name}"
         self._log = logging.getLogger(graph.logger)
-        self.check_subscribe, self.check_publish = policy.check_subscribe, policy.check_publish  # see `Restricted`
+        self.policy = policy
 
     def notify(self, level: str, text: str) -> None:
         """Log a notice: a node has no way to get one."""
         self._log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s: %s", self.name, text)
-
-    def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """See `Guest`; a calling node offers nothing by this participant."""
 
 
 class NodeServices(FarOffers[FarServiceType]):
@@ -96,7 +93,7 @@ class NodeServices(FarOffers[FarServiceType]):
         bus.on_holdings.append(self._note_holdings)
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
-        """See `Standing`."""
+        """See `Participant`."""
         found = self.foreign.values() if role == "any" else [one for one in (self.foreign.get(name),) if one]
         return {one.node or self.name for one in found}
 
@@ -146,7 +143,7 @@ class NodeServices(FarOffers[FarServiceType]):
 
     def meet(self, node: str, now: float) -> CallingNode:
         """Return a node that calls, as a participant of the bus."""
-        caller = self.callers.pop(node, None) or CallingNode(self._graph, node, self._policy)
+        caller = self.callers.pop(node, None) or CallingNode(self._graph, node, self.policy)
         self.callers[node] = caller
         if len(self.callers) > MAX_CALLERS:  # one that the master does not know goes first
             strange = next((name for name, one in self.callers.items() if not one.was_seen), next(iter(self.callers)))

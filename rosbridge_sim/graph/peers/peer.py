@@ -164,7 +164,7 @@ class Peer(PeerBase):
         self.op = None
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """See `Guest`.
+        """See `Participant`.
 
         Args:
             name: absolute name.

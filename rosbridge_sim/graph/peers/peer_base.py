@@ -17,7 +17,7 @@ from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.actions import GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Notify, resolve
-from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.graph.policy import OPEN, Guest, Policy
 from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.session import Session
@@ -30,12 +30,11 @@ CheckRoom = Callable[[ops.Id], None]
 """Raises GraphError if the client must not hold another thing, with that id."""
 
 
-class PeerBase:
+class PeerBase(Guest):
     """One client, without the meaning of its ops.
 
     Attributes:
         session: its wire.
-        policy: its rights.
         address: its network address, for people.
         num_errors: number of mistakes that it was told about.
         on_failure: called with an internal error in work for this client; by default it raises the error.
@@ -103,22 +102,6 @@ class PeerBase:
             return ""
         return advise(resolve(name)) or hint(resolve(name), names if self.policy == OPEN else filter(may_know, names))
 
-    def check_subscribe(self, topic: str, type_name: str) -> None:
-        """See `Restricted`.
-
-        Raises:
-            GraphError: this client must not subscribe to it.
-        """
-        self.policy.check_subscribe(topic, type_name)
-
-    def check_publish(self, topic: str, type_name: str) -> None:
-        """See `Restricted`.
-
-        Raises:
-            GraphError: this client must not publish there.
-        """
-        self.policy.check_publish(topic, type_name)
-
     def may_see(self, name: str) -> bool:
         """Return True if this client may see an existing topic."""
         return self.policy.may_see(name, self.bus.topics[name].type.name)
@@ -149,7 +132,7 @@ class PeerBase:
         self._note_notice(level, text, self.op)
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """See `Explaining`."""
+        """See `Participant`."""
         self.remark(level, text, None if self.op is None else self.op_id)
         self.note(reason, text, self.op)
 
@@ -172,7 +155,7 @@ class PeerBase:
             self.bus.guard.blame(self, error)
 
     def notifier(self) -> Notify:
-        """Return a function like `notify` that adds the id of the current op; see `Correlating`."""
+        """Return a function like `notify` that adds the id of the current op."""
         op_id, op = self.op_id, self.op
 
         def notify(level: str, text: str) -> None:
@@ -190,7 +173,7 @@ class PeerBase:
         return self.num_holds > 0
 
     def hold(self) -> Callable[[], None]:
-        """Hold this client; see `Holdable`."""
+        """Hold this client; see `Participant`."""
         self.num_holds += 1
         is_holding = True
 

@@ -13,6 +13,7 @@ import orjson
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.parameters import Parameters
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.ros1.ros1_graph import ROS1_GRAPH, is_name
 
 MAX_DEPTH: Final = 100
@@ -28,7 +29,7 @@ _OF_ROSCORE: Final = frozenset({"/rosdistro", "/rosversion", "/run_id"})
 """Parameters that every roscore sets. This server sets them only at a master that lacks them."""
 
 
-class MasterParameters:
+class MasterParameters(Participant):
     """The mirror.
 
     Attributes:
@@ -47,9 +48,6 @@ class MasterParameters:
         self._is_taking = False
         self._log = OnceLog(ROS1_GRAPH.logger)
         parameters.on_change = self._note
-
-    def notify(self, level: str, text: str) -> None:
-        """Do nothing: it makes no requests, so it needs no notices."""
 
     def begin(self, tree: object) -> None:
         """Take all parameters of a master; what it lacks and the server has is to be set there.

@@ -107,7 +107,7 @@ class Ros2Actions(FarOffers[CdrActionType]):
         self._cancels: dict[Goal, Callable[[], None]] = {}
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
-        """See `Standing`."""
+        """See `Participant`."""
         return {one.node or self.name for one in self.foreign.values() if role == "any" or name.startswith(one.name)}
 
     # Actions of the bus, for nodes

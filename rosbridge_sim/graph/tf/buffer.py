@@ -15,7 +15,7 @@ from typing import NamedTuple
 import msgspec
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.participant import Participant, is_guest
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
 
@@ -160,7 +160,7 @@ class TransformBuffer:
         edges.pop(child, None)
         edges[child] = _Edge(parent, pose, None if is_static else stamped.header.stamp, sender)
         if len(edges) > MAX_TF_FRAMES:
-            of_clients = (name for name, edge in edges.items() if is_guest(edge.sender))
+            of_clients = (name for name, edge in edges.items() if edge.sender.is_guest)
             del edges[next(of_clients, next(iter(edges)))]
         self.version += 1
 

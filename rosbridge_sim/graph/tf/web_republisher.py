@@ -122,7 +122,7 @@ class _StreamTopic:
             self.stream.is_due_whole = bool(before) or not self.stream.is_whole
 
 
-class WebRepublisher:
+class WebRepublisher(Participant):
     """The node that serves the three ways. It announces in the bus's agenda when it is due."""
 
     name = REPUBLISHER_NAME

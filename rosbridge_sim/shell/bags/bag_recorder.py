@@ -33,7 +33,7 @@ FLUSH_PERIOD = 1.0
 _log = logging.getLogger("rosbridge_sim.recording")
 
 
-class BagRecorder:
+class BagRecorder(Participant):
     """A `Participant` of the bus that writes a bag.
 
     Attributes:

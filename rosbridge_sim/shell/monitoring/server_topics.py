@@ -20,6 +20,7 @@ from itertools import takewhile
 from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer_base import WEBSOCKET_NODE_NAME
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.graph.topics_services import Topic
@@ -59,7 +60,7 @@ _LEVELS = {
 """Python's log levels and their numbers in each of the two types, most severe first."""
 
 
-class ServerTopics:
+class ServerTopics(Participant):
     """The topics on which a server reports about itself."""
 
     name = WEBSOCKET_NODE_NAME
@@ -120,9 +121,6 @@ class ServerTopics:
         if self._soon is not None:
             self._soon.cancel()
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
-
-    def notify(self, level: str, text: str) -> None:
-        """Ignore a notice of the bus: this participant makes no requests."""
 
     def publish(self, topic: Topic, **fields: JsonValue) -> None:
         """Publish a message."""

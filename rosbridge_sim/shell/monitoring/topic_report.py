@@ -8,7 +8,7 @@ from typing import Final, Protocol
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant, address_of, resolve
+from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import JsonValue, Struct
@@ -121,4 +121,4 @@ def _size_of(message: Message) -> int:
 
 def _addresses(owners: Iterable[Participant]) -> list[str]:
     """Return the addresses of participants, each once."""
-    return list(dict.fromkeys(map(address_of, owners)))[:MAX_OWNERS]
+    return list(dict.fromkeys(owner.where for owner in owners))[:MAX_OWNERS]

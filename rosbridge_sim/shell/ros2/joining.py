@@ -16,7 +16,7 @@ from rosbridge_sim.graph.gateway.far_offers import FarOffers
 from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import read_choice
-from rosbridge_sim.graph.participant import Participant, is_guest
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.remote_parameters import RemoteParameters
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
@@ -226,4 +226,4 @@ def is_for_nodes(settings: Settings, name: str, owner: Participant) -> bool:
     """
     rule = Rule(settings.ros2_services)
     is_near = settings.ros2_discovery == "localhost"
-    return rule.admits(name) and (bool(rule.allow) or is_near or is_guest(owner))
+    return rule.admits(name) and (bool(rule.allow) or is_near or owner.is_guest)

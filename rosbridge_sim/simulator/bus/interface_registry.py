@@ -15,7 +15,7 @@ from typing import ClassVar, Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant, is_guest
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.network_settings import (
     DEFAULTS,
@@ -108,7 +108,7 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
     topic = bus.find_topic(name)
     if topic is not None:
         holders = {*topic.publishers, *(each.owner for each in topic.all_subscriptions if each.wanted is not None)}
-        if {holder for holder in holders if not is_guest(holder)} == {owner}:
+        if {holder for holder in holders if not holder.is_guest} == {owner}:
             return None
     return bus.topic_table.type_conflict(name, type_name, owner)
 

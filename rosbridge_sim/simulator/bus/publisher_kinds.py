@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import Any, Final, TypedDict
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant, gives_way
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import Interface, why_no_topic
@@ -80,7 +80,7 @@ class TopicPublisher(Interface):
         topic = bus.find_topic(name)
         if topic is None:
             return None
-        others = [other for other in topic.publishers if other is not owner and not gives_way(other, owner)]
+        others = [other for other in topic.publishers if other is not owner and not other.gives_way(owner)]
         if others and (self._is_exclusive or topic.owner in others):
             return f"topic {name} is published by {others[0].name}"
         return why_no_topic(owner, bus, name, self.type_name)

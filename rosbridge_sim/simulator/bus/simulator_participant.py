@@ -5,13 +5,15 @@ from __future__ import annotations
 import logging
 from typing import Final
 
+from rosbridge_sim.graph.participant import Participant
+
 SIMULATOR_NAME: Final = "/morai_sim"
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class SimulatorParticipant:
-    """The owner of the simulator's topics and services; a `Participant` without state.
+class SimulatorParticipant(Participant):
+    """The owner of the simulator's topics and services; it has no state.
 
     It is built before everything else on the bus. So the parts need only this owner, not the whole simulator.
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant, gives_way
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import BodyLimits, Call, Handle, Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
@@ -138,7 +138,7 @@ class _Service(Interface):
 
     def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
         service = bus.services.get(name)
-        if service is None or service.owner is owner or gives_way(service.owner, owner):
+        if service is None or service.owner is owner or service.owner.gives_way(owner):
             return None
         return f"service {name} is provided by {service.owner.name}"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.participant import Participant, explain
+from rosbridge_sim.graph.participant import Participant
 
 
 class WarnOnce:
@@ -28,7 +28,7 @@ class WarnOnce:
         about = text if about is None else about
         if about not in texts:
             texts.add(about)
-            explain(participant, "warning", text, reason)
+            participant.explain("warning", text, reason)
 
     def forget(self, participant: Participant) -> None:
         """Drop the texts of a participant that has left.

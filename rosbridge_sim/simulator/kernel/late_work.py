@@ -13,7 +13,7 @@ from typing import Final
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.guard import Guard
-from rosbridge_sim.graph.participant import Notify, Participant, notifier
+from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
 
 MAX_WAITING: Final = 8
@@ -55,7 +55,7 @@ class LateWork:
             PeerError: a mistake, if it is done at once.
         """
         if self.has_turns and len(self.waiting) < MAX_WAITING:
-            told = _tell_mistakes(parts, notifier(client), source)
+            told = _tell_mistakes(parts, client.notifier(), source)
             self.waiting.append((told, self._sync_driver.hold(client)))
         else:
             for _ in parts:

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.participant import Participant, hold
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.printable import printable
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
@@ -427,7 +427,7 @@ class SyncDriver:
         Returns:
             Releases it; takes monotonic time [s] and must be called once.
         """
-        release = hold(participant)
+        release = participant.hold()
         self._sync.mute(participant)
 
         def let_go(now: float) -> None:

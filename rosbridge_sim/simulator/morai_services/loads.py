@@ -20,7 +20,7 @@ from collections.abc import Callable
 from functools import partial
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
-from rosbridge_sim.graph.participant import Participant, notifier
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
@@ -88,7 +88,7 @@ class Loads(Component):
     def _load_at_frame(self, call: Call, now: float) -> None:
         request, context = request_of(call), self._context
         sync, base = context.sync, context.scene.found_map
-        notify = notifier(call.caller)
+        notify = call.caller.notifier()
         command = SceneCommand(None, call.service.name, notify)
         outcome = sync.submit(command, request.frame, context.world.frame, call.caller, now, is_ready=False)
         if not outcome.is_accepted:
@@ -114,7 +114,7 @@ class Loads(Component):
     # Now
 
     def _load_now(self, call: Call, now: float) -> None:
-        notify = notifier(call.caller)
+        notify = call.caller.notifier()
 
         def end(error: PeerError | DocumentError | None) -> None:
             if error is not None:
@@ -125,7 +125,7 @@ class Loads(Component):
 
     def _hear_load(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
         """Load a scenario now, by topic. As with the service, synchronous mode does not prevent it."""
-        topic, notify = bindings.topic("ScenarioLoad"), notifier(sender)
+        topic, notify = bindings.topic("ScenarioLoad"), sender.notifier()
         is_here = True
         refusal: GraphError | None = None
 

@@ -20,7 +20,7 @@ from functools import partial
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import Participant, explain, notifier
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import AUTO_MODE, lamps_of
@@ -148,7 +148,7 @@ class Services(Component):
 
     def _sync_set_gear(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
-        notify = notifier(call.caller)
+        notify = call.caller.notifier()
 
         def read() -> SceneCommand:
             gear = gear_of(request.gear)
@@ -226,10 +226,10 @@ class Services(Component):
         if not -MAX_COORDINATE <= heading_deg <= MAX_COORDINATE:
             raise FieldError(f"heading: expected a number within +-{MAX_COORDINATE:g}, got {heading_deg}")
         x, y, z = place
-        return SceneCommand(AddObject(model, x, y, z, math.radians(heading_deg)), where, notifier(sender))
+        return SceneCommand(AddObject(model, x, y, z, math.radians(heading_deg)), where, sender.notifier())
 
     def _read_remove(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
-        return SceneCommand(RemoveObject(request.unique_id), where, notifier(sender))
+        return SceneCommand(RemoveObject(request.unique_id), where, sender.notifier())
 
     def _queue_silently(self, topic: str, command: SceneCommand, frame: int, sender: Participant, now: float) -> None:
         """Submit a command from a topic, which has no answer.
@@ -300,7 +300,7 @@ class Services(Component):
             listed = ", ".join(map(str, ids[:MAX_IDS_LISTED]))
             more = f", ... and {len(ids) - MAX_IDS_LISTED:,} more" if len(ids) > MAX_IDS_LISTED else ""
             text = f"unique_id: expected a vehicle's, one of {listed}{more}; got {request.unique_id}"
-            explain(call.caller, "error", f"{call.service.name}: {text}; all figures are 0", Reason.WRONG_VALUE)
+            call.caller.explain("error", f"{call.service.name}: {text}; all figures are 0", Reason.WRONG_VALUE)
         call.respond(self._context.convert.vehicle_spec(body))
 
     def _map_spec(self, call: Call, _now: float) -> None:

@@ -19,7 +19,7 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.participant import Participant, check_publishing
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.plain_values import without_unknown
@@ -234,13 +234,13 @@ def without_denied_plans(recording: Recording, caller: Participant) -> Recording
 
 def _may_publish(caller: Participant, plan: RecordedPlan) -> bool:
     try:
-        check_publishing(caller, plan.topic, plan.type_name)
+        caller.check_publish(plan.topic, plan.type_name)
     except GraphError:
         return False
     return True
 
 
-class GuestPublisher:
+class GuestPublisher(Participant):
     """A participant with topics of its own.
 
     A topic that somebody publishes already is left to them.

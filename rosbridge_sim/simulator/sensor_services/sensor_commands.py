@@ -15,7 +15,7 @@ from typing import Final
 import msgspec
 
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.graph.participant import Notify, Participant, notifier
+from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -111,7 +111,7 @@ class Sensors(Component):
         if message.is_custom_file_name and not name:
             raise FieldError(f"{where}.custom_file_name: expected a name, as is_custom_file_name says")
         try:
-            late = partial(_complain, notifier(sender), where)
+            late = partial(_complain, sender.notifier(), where)
             self._save(ego, message.file_dir, name, bindings.topic("SaveSensorData"), late)
         except DocumentError as error:
             raise FieldError(f"{where}: {error}") from None

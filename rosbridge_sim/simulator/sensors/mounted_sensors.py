@@ -26,7 +26,7 @@ from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, Reason
-from rosbridge_sim.graph.participant import Participant, check_publishing
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
@@ -158,7 +158,7 @@ class MountedSensors(Component):
                 if default in had or not name:  # an empty name: the network settings have it off
                     continue
                 if default not in at_start:
-                    check_publishing(caller, name, type_name)
+                    caller.check_publish(name, type_name)
                 topic = context.bus.find_topic(name)
                 if topic is not None and topic.publishers:
                     owner = next(iter(topic.publishers))

@@ -10,7 +10,7 @@ import logging
 from typing import Any
 
 from rosbridge_sim.errors import GraphError, Reason
-from rosbridge_sim.graph.participant import Participant, explain, remark
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -119,9 +119,9 @@ class BarrierServices(Component):
 
 def _tell(holder: Participant, text: str) -> None:
     """Tell a member's connection what another member has done."""
-    remark(holder, "warning", f"{BARRIER_ID}: {text}")
+    holder.remark("warning", f"{BARRIER_ID}: {text}")
 
 
 def _warn(holder: Participant, text: str, reason: Reason) -> None:
     """Tell a member's connection that it is late."""
-    explain(holder, "warning", f"{BARRIER_ID}: {text}", reason)
+    holder.explain("warning", f"{BARRIER_ID}: {text}", reason)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.participant import Participant, address_of
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -68,7 +68,7 @@ class ControlLeases(Component):
             self._forget_removed_egos()
             self._leases[caller, uid] = _Lease(math.ceil(seconds / DT), self._context.world.frame)
             self._context.hooks.after_frame.wake(self._after_frame)
-        call.respond(result=not why, message=why, client=address_of(caller))
+        call.respond(result=not why, message=why, client=caller.where)
 
     def _why_not(self, uid: int, seconds: float) -> str:
         """Return why there can be no such lease; empty if there can."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 from rosbridge_sim.errors import FieldError, GraphError, Reason
-from rosbridge_sim.graph.participant import address_of
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -88,7 +87,7 @@ class Describe(Component):
             **self._place(row),
             "behaviour": behaviour,
             "controlled_by": controlled_by,
-            "client": "" if ego is None or ego.commander is None else address_of(ego.commander),
+            "client": "" if ego is None or ego.commander is None else ego.commander.where,
             "start_within": world.start_within.item(row),
             "gap": NOTHING,
             "stop_distance": NOTHING,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, Final
 
-from rosbridge_sim.graph.participant import Participant, address_of
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -82,7 +82,7 @@ class Drivers(Component):
         )
 
     def _ego_values(self, ego: Ego) -> _EgoFields:
-        client = "" if ego.commander is None else address_of(ego.commander)
+        client = "" if ego.commander is None else ego.commander.where
         return ego.index, int(ego.ctrl_mode), int(ego.gear), ego.driver, client, self._publishers(ego)
 
     def _publishers(self, ego: Ego) -> tuple[str, ...]:
@@ -101,4 +101,4 @@ class Drivers(Component):
 
 def _addresses(holders: Iterable[Any]) -> tuple[str, ...]:
     """Return the addresses of participants, each once."""
-    return tuple(dict.fromkeys(map(address_of, holders)))
+    return tuple(dict.fromkeys(holder.where for holder in holders))

@@ -23,7 +23,8 @@ from functools import partial
 from typing import Any, Final, NamedTuple
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
-from rosbridge_sim.graph.participant import Participant, check_reading, may_read, notifier, resolve
+from rosbridge_sim.graph.participant import Participant, resolve
+from rosbridge_sim.graph.policy import is_allowed
 from rosbridge_sim.graph.topics_services import BodyLimits, Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
@@ -275,7 +276,7 @@ class StepService(Component):
 
     def _read_commands(self, request: Any, call: Call) -> list[_Commands]:  # noqa: ANN401 - as above
         egos: dict[Ego, _Commands] = {}
-        name, notify = call.service.name, notifier(call.caller)
+        name, notify = call.service.name, call.caller.notifier()
         for i, entry in enumerate(request.commands):
             ego = self.context.egos.find(entry.ego)
             if ego is None:
@@ -303,13 +304,14 @@ class StepService(Component):
         for i, name in enumerate(names):
             publisher = self.context.publishers.find(resolve(name))
             if publisher is None:
-                known = [one for one, type_name in self.context.publishers.types if may_read(caller, one, type_name)]
+                types = self.context.publishers.types
+                known = [one for one, kind in types if is_allowed(caller.check_subscribe, one, kind)]
                 raise GraphError(
                     f"topics[{i}]: the simulator has no topic {name[:80]!r}{hint(name, known)}",
                     reason=Reason.UNKNOWN_TOPIC,
                 )
             try:
-                check_reading(caller, name, publisher.type_name)
+                caller.check_subscribe(name, publisher.type_name)
             except GraphError as error:
                 raise GraphError(f"topics[{i}]: {error}", reason=error.reason) from None
             samples.append(_Sample(name, publisher))

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, Reason
-from rosbridge_sim.graph.participant import Participant, check_reading
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.scenarios.spawn_points import MAX_AT_ONCE
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -64,7 +64,7 @@ def check_may_read(caller: Participant, publishers: Publishers) -> None:
     """
     for name, type_name in publishers.types:
         try:
-            check_reading(caller, name, type_name)
+            caller.check_subscribe(name, type_name)
         except GraphError as error:
             text = f"with_data: {error}, and the bytes tell what it does; take the snapshot without them"
             raise Refusal(text, error.reason) from None

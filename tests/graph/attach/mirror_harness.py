@@ -25,7 +25,7 @@ __all__ = ["Car", "FarBridge", "Frame", "Program", "SimHarness", "make_deaf"]
 Frame = dict[str, Any]
 
 
-class Car:
+class Car(Participant):
     """A node as the simulator is one: a topic, a latched topic, an input and a service; a camera with `add_camera`."""
 
     name = "/car"

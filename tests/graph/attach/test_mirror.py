@@ -16,7 +16,7 @@ from rosbridge_sim.graph.attach.flow_control import MAX_IN_FLIGHT
 from rosbridge_sim.graph.attach.mirror import OPS_PER_TURN
 from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
-from rosbridge_sim.graph.participant import Notify, Participant, explain, hold, notifier
+from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Call
@@ -345,7 +345,7 @@ def test_refusals_of_programs_at_the_far_bridge_are_recorded(
     harness.receive({"op": "publish", "topic": "/pedal", "msg": {"data": -1.0}})
     told, _ = harness.noted
     assert (told.reason, told.subject, told.text) == (Reason.WARNING, "/pedal", "the pedal goes down only")
-    explain(harness.mirror, "warning", "another master", Reason.NOT_MASTER)
+    harness.mirror.explain("warning", "another master", Reason.NOT_MASTER)
     harness.mirror.notify("error", "lost")
     assert [(each.reason, each.op) for each in harness.noted[2:]] == [(Reason.NOT_MASTER, ""), (Reason.REFUSED, "")]
     harness.mirror.notify("info", "by the way")
@@ -355,7 +355,7 @@ def test_refusals_of_programs_at_the_far_bridge_are_recorded(
 
 def test_late_refusal_is_recorded_with_its_op(harness: SimHarness) -> None:
     tells: list[Notify] = []
-    harness.car.on_call = lambda call: tells.append(notifier(call.caller))
+    harness.car.on_call = lambda call: tells.append(call.caller.notifier())
     harness.receive(HONK)
     harness.receive(pedal(0.1))
     tells[0]("error", "no such scenario")
@@ -376,7 +376,7 @@ class SlowService:
         car.on_call = self._hold
 
     def _hold(self, call: Call) -> None:
-        self.releases.append(hold(call.caller))
+        self.releases.append(call.caller.hold())
 
     def end(self) -> None:
         self.releases.pop(0)()

@@ -10,8 +10,8 @@ from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarService, FarServiceType, OnReply
 from rosbridge_sim.graph.gateway.node_services import PATIENCE, NodeServices
-from rosbridge_sim.graph.participant import Participant, is_guest
-from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.policy import Policy, Rule, is_allowed
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
@@ -35,7 +35,7 @@ class ServicesInMemory:
         self.answers: list[Answer] = []
 
         def is_offered(_name: str, owner: Participant) -> bool:
-            return is_guest(owner) or not for_guests_alone
+            return owner.is_guest or not for_guests_alone
 
         self.services = NodeServices(
             ROS2_GRAPH, self.bus, self.types.find_service, policy or Policy(), self.call, is_offered=is_offered
@@ -83,6 +83,21 @@ def test_a_node_s_failure_and_its_broken_answer_fail_the_call(is_ok: bool, body:
     assert str(one.answers[0].values).replace("msg/", "").startswith(why)
 
 
+@pytest.mark.parametrize("node", ["", "/robot"])
+def test_a_node_that_calls_gets_no_denied_topic_in_an_answer(node: str) -> None:
+    """As `/sim/step` would give it; the graph of ROS 2 names no callers."""
+    one = ServicesInMemory(Policy(subscribe=Rule(deny=("/secret",))))
+    told: list[bool] = []
+
+    def handle(call: Call, _now: float) -> None:
+        told.append(is_allowed(call.caller.check_subscribe, "/secret", "std_msgs/String"))
+        call.answer({"success": True, "message": ""})
+
+    one.bus.provide(YieldingParticipant(), "/lights", SET_BOOL, handle)
+    one.services.call(node, "/lights", one.cdr(is_request=True, data=True), lambda *_: None, now=0.0)
+    assert told == [False]
+
+
 def test_calls_fail_when_the_node_goes_and_when_it_is_silent_for_too_long() -> None:
     one = ServicesInMemory()
     one.services.set_foreign([FarService("/lights", SET_BOOL)])
@@ -100,12 +115,12 @@ def test_calls_fail_when_the_node_goes_and_when_it_is_silent_for_too_long() -> N
 def test_services_of_the_bus_win_over_those_of_nodes(caplog: pytest.LogCaptureFixture) -> None:
     one = ServicesInMemory()
     owner = YieldingParticipant()
-    one.bus.provide(owner, "/lights", SET_BOOL, owner.hold)
+    one.bus.provide(owner, "/lights", SET_BOOL, owner.keep)
     with caplog.at_level(logging.INFO):
         one.services.set_foreign([FarService("/lights", SET_BOOL), FarService("/doors", SET_BOOL)])
     assert one.bus.services["/lights"].owner is owner
     assert "/lights of ROS 2 cannot be used: a client of this server provides a service of this name" in caplog.text
-    one.bus.provide(owner, "/doors", SET_BOOL, owner.hold)
+    one.bus.provide(owner, "/doors", SET_BOOL, owner.keep)
     assert list(one.services.foreign) == []
     one.bus.leave(owner, 0.0)
     one.services.set_foreign([FarService("/lights", SET_BOOL)])
@@ -133,7 +148,7 @@ def test_a_service_of_an_unknown_type_is_told_once(
 def test_nodes_call_services_of_the_bus_and_get_refusals_as_text() -> None:
     one = ServicesInMemory()
     owner = Somebody()
-    one.bus.provide(owner, "/lights", SET_BOOL, owner.hold)
+    one.bus.provide(owner, "/lights", SET_BOOL, owner.keep)
     assert list(one.services.offered()) == ["/lights"]
     replies: list[tuple[bool, bytes]] = []
     for _ in range(2):
@@ -146,7 +161,7 @@ def test_nodes_call_services_of_the_bus_and_get_refusals_as_text() -> None:
 def test_a_node_with_a_name_is_a_participant_that_leaves() -> None:
     one = ServicesInMemory()
     owner = Somebody()
-    one.bus.provide(owner, "/lights", SET_BOOL, owner.hold)
+    one.bus.provide(owner, "/lights", SET_BOOL, owner.keep)
     one.services.call("/robot", "/lights", one.cdr(is_request=True), lambda *_told: None, 0.0)
     assert owner.calls[0].caller is one.services.callers["/robot"]
     one.services.forget_caller("/robot", 0.0)
@@ -156,7 +171,7 @@ def test_a_node_with_a_name_is_a_participant_that_leaves() -> None:
 def test_a_request_that_is_none_is_refused_and_told() -> None:
     one = ServicesInMemory()
     owner = Somebody()
-    one.bus.provide(owner, "/lights", SET_BOOL, owner.hold)
+    one.bus.provide(owner, "/lights", SET_BOOL, owner.keep)
     replies: list[tuple[bool, bytes]] = []
     one.services.call("/robot", "/lights", b"\x00", lambda *told: replies.append(told), 0.0)
     assert not replies[0][0]
@@ -171,7 +186,7 @@ def test_a_request_that_is_none_is_refused_and_told() -> None:
 def test_what_nodes_must_not_call_is_neither_offered_nor_called(policy: Policy, for_guests_alone: bool) -> None:  # noqa: FBT001 - a column
     one = ServicesInMemory(policy, for_guests_alone=for_guests_alone)
     owner = Somebody()
-    one.bus.provide(owner, "/lights", SET_BOOL, owner.hold)
+    one.bus.provide(owner, "/lights", SET_BOOL, owner.keep)
     assert one.services.offered() == {}
     replies: list[tuple[bool, bytes]] = []
     one.services.call("", "/lights", one.cdr(is_request=True), lambda *told: replies.append(told), 0.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.graph.participant import hold, notifier
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.service_table import MAX_CALLS
@@ -298,7 +298,7 @@ def test_held_client_is_released_after_all_holds_end() -> None:
     peer, _ = make_peer(make_bus())
     released: list[bool] = []
     peer.on_released = lambda: released.append(peer.is_held)
-    first, second = hold(peer), hold(peer)
+    first, second = peer.hold(), peer.hold()
     assert peer.is_held
     first()
     first()
@@ -314,14 +314,14 @@ def test_release_of_a_client_that_left_does_nothing() -> None:
     peer, _ = make_peer(make_bus())
     released: list[bool] = []
     peer.on_released = lambda: released.append(True)
-    release = hold(peer)
+    release = peer.hold()
     peer.leave(0.0)
     release()
     assert (peer.is_held, released) == (False, [])
 
 
 def test_participant_that_cannot_be_held_goes_on() -> None:
-    class Plain:
+    class Plain(Participant):
         name = "/plain"
 
         def __init__(self) -> None:
@@ -331,10 +331,10 @@ def test_participant_that_cannot_be_held_goes_on() -> None:
             self.told.append((level, text))
 
     plain = Plain()
-    release = hold(plain)
+    release = plain.hold()
     release()
     release()
-    notifier(plain)("error", "late")
+    plain.notifier()("error", "late")
     assert plain.told == [("error", "late")]
 
 
@@ -343,7 +343,7 @@ def test_late_status_has_the_id_of_its_op() -> None:
     (peer, told), late = make_peer(bus), []
     other = make_peer(bus)[0]
     bus.subscribe(
-        other, "/news", lambda _topic, _message, sender, _now: late.append(notifier(sender)), type_name="std_msgs/Bool"
+        other, "/news", lambda _topic, _message, sender, _now: late.append(sender.notifier()), type_name="std_msgs/Bool"
     )
     do(peer, op="publish", topic="/news", id="first", msg={"data": True})
     do(peer, op="publish", topic="/news", id="second", msg={"data": True})

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import pytest
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.tf.buffer import (
     IDENTITY,
     MAX_TF_FRAMES,
@@ -28,7 +29,7 @@ from tests.graph.bus_fixture import make_bus, make_peer, make_store
 Matrix = npt.NDArray[np.float64]
 
 
-class TransformSource:
+class TransformSource(Participant):
     """Whoever tells of transforms."""
 
     def __init__(self, name: str = "/notifier") -> None:

@@ -46,7 +46,7 @@ def written(parent: str, child: str, pose: Transform, secs: float = 0.0) -> dict
     }
 
 
-class RepublisherClient:
+class RepublisherClient(Participant):
     """Somebody on the bus."""
 
     def __init__(self, scene: RepublisherFixture, name: str = "/somebody") -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Answer
@@ -287,7 +288,7 @@ def test_failed_disconnect_does_not_stop_the_world() -> None:
 
 
 @dataclass(eq=False)
-class SilentParticipant:
+class SilentParticipant(Participant):
     """An owner that says nothing."""
 
     name: str

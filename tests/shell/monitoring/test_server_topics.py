@@ -12,6 +12,7 @@ from typing import Any, cast
 import pytest
 import pytest_asyncio
 
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
@@ -23,7 +24,7 @@ from tests.graph.bus_fixture import make_bus
 from tests.support import Client, mask, open_raw
 
 
-class Owner:
+class Owner(Participant):
     """A publisher."""
 
     name = "/owner"

@@ -500,7 +500,7 @@ async def test_patterns_of_access_hold_for_nodes(joined: Joined) -> None:
     me = Somebody("/server")  # a part of the server, for which no pattern holds
     bus.advertise(me, "/secret/pose", "std_msgs/String")
     bus.subscribe(me, "/secret/goal", me.deliver, type_name="std_msgs/String")
-    bus.provide(me, "/secret/open", "std_srvs/Trigger", me.hold)
+    bus.provide(me, "/secret/open", "std_srvs/Trigger", me.keep)
     bus.advertise(me, "/open", "std_msgs/String")
     joined.node.answer_header = {"type": "std_srvs/Trigger", "md5sum": TRIGGER_MD5}
     await joined.node.register("Publisher", "/secret/goal", "std_msgs/String")

@@ -20,6 +20,7 @@ from websockets.protocol import State
 from rosbridge_sim import __version__
 from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.protocol import png
 from rosbridge_sim.protocol.outbox import OutboxLimits
@@ -512,7 +513,7 @@ async def test_internal_failure_is_logged_counted_and_survived(
     def fail(*_: object) -> None:
         raise ZeroDivisionError
 
-    class Owner:
+    class Owner(Participant):
         name = "/owner"
 
         def notify(self, level: str, text: str) -> None:
@@ -542,7 +543,7 @@ def break_down(*_: object) -> NoReturn:
     raise ZeroDivisionError
 
 
-class PublishingComponent:
+class PublishingComponent(Participant):
     """A part of the server that publishes, and remembers what it is told."""
 
     name = "/speaker"

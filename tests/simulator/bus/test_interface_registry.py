@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.loose_types import JsonValue, Struct
@@ -24,7 +25,7 @@ from tests.simulator.sim_harness import Client, SimHarness, make_store, network_
 INT, TRIGGER = "std_msgs/Int32", "std_srvs/Trigger"
 
 
-class PartOfServer:
+class PartOfServer(Participant):
     """An owner that gives way to no other."""
 
     def __init__(self, name: str) -> None:
@@ -46,8 +47,8 @@ class RegistryFixture:
         self.kept = self.outputs.keep("/news", INT)
         self.bindings = SubscribersServices(self.items)
         self.bindings.listen("in", INT, lambda value, _sender, _now: self.taken.append(value.data))
-        self.bindings.provide("ask", TRIGGER, self.hold)
-        self.bindings.provide("tell", TRIGGER, self.hold)
+        self.bindings.provide("ask", TRIGGER, self.keep)
+        self.bindings.provide("tell", TRIGGER, self.keep)
         self.frame = 0
         self.taken: list[int] = []
         self.calls: list[Call] = []
@@ -55,7 +56,7 @@ class RegistryFixture:
     def count(self) -> Struct:
         return make_store().message(INT).struct_type(self.frame)
 
-    def hold(self, call: Call, _now: float) -> None:
+    def keep(self, call: Call, _now: float) -> None:
         self.calls.append(call)
 
     def show(self) -> None:
@@ -403,13 +404,13 @@ def test_name_of_a_rosapi_service_is_refused_at_the_start() -> None:
 
 def test_type_missing_in_a_release_has_no_interface_and_its_settings_are_ignored() -> None:
     rig = RegistryFixture(services={"/new": {"name": "/n"}}, publishers={"/newer": {"rate": 5}})
-    rig.bindings.provide("new", "OnlyThereSrv", rig.hold, is_everywhere=False)
+    rig.bindings.provide("new", "OnlyThereSrv", rig.keep, is_everywhere=False)
     rig.outputs.add("/newer", "morai_msgs/OnlyThere", rig.count, is_everywhere=False)
     rig.items.open()
     assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
     rig.show()
     with pytest.raises(TypeNameError):
-        rig.bindings.provide("newest", "OnlyThereSrv", rig.hold)
+        rig.bindings.provide("newest", "OnlyThereSrv", rig.keep)
 
 
 # The simulator's own

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.participant import Participant
 from tests.simulator.sim_harness import ALL, SimHarness, put_egos
 
 RENAMED = {
@@ -18,7 +19,7 @@ RENAMED = {
 NETWORK = {"load_network_connection_data": True}
 
 
-class PartOfServer:
+class PartOfServer(Participant):
     """An owner that gives way to no other."""
 
     name = "/recorder"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 
 
-class Listener:
+class Listener(Participant):
     def __init__(self) -> None:
         self.name = "/listener"
         self.told: list[tuple[str, str]] = []

@@ -415,7 +415,7 @@ def test_client_with_the_names_of_a_further_ego_does_not_block_it() -> None:
 
 
 def test_topic_with_another_type_of_a_component_blocks_a_further_ego() -> None:
-    class Part:
+    class Part(Participant):
         name = "/part"
 
         def notify(self, level: str, text: str) -> None:

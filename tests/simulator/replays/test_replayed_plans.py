@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.policy import Guest, Policy, Rule
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
@@ -202,16 +202,10 @@ def test_bad_name_of_a_topic_is_left_out(name: str) -> None:
     assert texts(listener) == ["0"]
 
 
-class RestrictedClient(Client):
+class RestrictedClient(Client, Guest):
     """A client that may not publish everywhere."""
 
     policy = Policy(publish=Rule(deny=("/closed/*",)))
-
-    def check_subscribe(self, topic: str, type_name: str) -> None:
-        self.policy.check_subscribe(topic, type_name)
-
-    def check_publish(self, topic: str, type_name: str) -> None:
-        self.policy.check_publish(topic, type_name)
 
 
 def test_plan_is_not_replayed_where_the_caller_may_not_publish() -> None:

@@ -488,7 +488,7 @@ def test_drive_with_tyres_goes_on_from_a_snapshot_with_the_same_bits() -> None:
 def test_topic_that_a_client_has_taken_refuses_an_ego_and_changes_nothing(saved: bytes) -> None:
     harness, client = in_sync("crossing")
 
-    class Part:
+    class Part(Participant):
         """An owner that gives way to nobody."""
 
         name = "/part"
