@@ -5,12 +5,14 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from scripts.mutate import FEW, TESTS, are_enough, files_of, known_survivors
 from scripts.mutation.mutants import mutants_of, mutate
-from scripts.mutation.warm_tests import PACKAGE, ROOT, Target
+from scripts.mutation.warm_tests import PACKAGE, ROOT, Target, _SharedFixtures
 
 SOURCE = """
 WIDTH: float = 2.5
@@ -79,12 +81,42 @@ def test_only_a_changed_number_of_the_module_reaches_beyond_its_own_statement() 
         assert bool(names) == (min(lines) in constant_lines)
 
 
+def test_each_line_of_a_mutant_that_lives_for_a_reason_stands_in_its_file() -> None:
+    survivors = known_survivors()
+    gone = {(file, line) for file, line, _ in survivors} - {
+        (file, line.strip())
+        for file in {file for file, _, _ in survivors}
+        for line in (ROOT / PACKAGE / file).read_text().splitlines()
+    }
+    assert gone == set()
+    assert all(len(reason) > 20 for reason in survivors.values())
+
+
 def test_each_mutant_that_lives_for_a_reason_is_one_of_its_file() -> None:
     survivors = known_survivors()
     targets = [Target(file) for file in {file for file, _, _ in survivors}]
     changes = {(target.file, target.line_of(mutant), mutant.change) for target in targets for mutant in target.mutants}
     assert set(survivors) - changes == set()
-    assert all(len(reason) > 20 for reason in survivors.values())
+
+
+def test_lines_of_a_fixture_of_a_module_count_for_each_test_that_uses_it() -> None:
+    ran = {"a.py": {1}}
+    shared = _SharedFixtures(ran)
+    fixture: Any = object()
+    first, second, other = (cast("Any", SimpleNamespace()) for _ in range(3))
+    setup = shared.pytest_fixture_setup(fixture)
+    next(setup)
+    ran.setdefault("a.py", set()).add(7)
+    ran.setdefault("b.py", set()).add(2)
+    with pytest.raises(StopIteration):
+        setup.send(None)
+    assert ran == {"a.py": {1, 7}, "b.py": {2}}
+    for item, used in ((first, {"town": fixture}), (second, {"town": fixture}), (other, {})):
+        item._request = SimpleNamespace(_fixture_defs=used)
+        ran.clear()
+        ran["a.py"] = {3}
+        shared.pytest_runtest_teardown(item)
+        assert ran == ({"a.py": {3, 7}, "b.py": {2}} if used else {"a.py": {3}})
 
 
 def test_share_below_the_least_one_is_a_failure_unless_few_were_tried() -> None:

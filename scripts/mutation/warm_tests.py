@@ -5,6 +5,9 @@ each test how long it takes and which lines of the package it runs, and then for
 living functions the code of the mutant, runs the tests that reach the changed line, those first that have noticed most
 in the least time, and ends at the first failure.
 
+A fixture of a module or of all tests, and what a cached function of the tests has made, count for every test that uses
+them: in a fork that test may be the first of all.
+
 What the fork cannot change: values that modules have computed from a changed function while they were imported, and
 parameters of tests that were computed from a changed number. No file is written, and one core is used.
 """
@@ -22,7 +25,7 @@ import sys
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import _lru_cache_wrapper
 from importlib import import_module
@@ -140,6 +143,7 @@ class Tests:
         self._caches = [thing for thing in gc.get_objects() if _is_cache_of_ours(thing)]
         self._readers = _Readers(targets)
         self.took: list[float] = []
+        self._longest: list[float] = []
         self._lines: list[dict[str, frozenset[int]]] = []
         self._kills_of: dict[str, dict[int, int]] = defaultdict(lambda: defaultdict(int))
 
@@ -152,7 +156,7 @@ class Tests:
         told = self._fork(self._record, 3_600.0)
         if told is None:
             raise RuntimeError("the tests ended their own process, or took longer than an hour")
-        self.took, self._lines, failed = told
+        self.took, self._longest, self._lines, failed = told
         for i in failed:
             self._lines[i] = {}
         return [self._items[i].nodeid for i in failed]
@@ -198,19 +202,20 @@ class Tests:
 
     def _record(self, send: Callable[[object], None]) -> None:
         took: list[float] = []
+        longest: list[float] = []
         lines: list[dict[str, frozenset[int]]] = []
         failed: list[int] = []
         ran: dict[str, set[int]] = {}
+        shared = _SharedFixtures(ran)
         paths = self._readers.paths
 
         def trace(frame: FrameType, event: str, argument: object) -> Trace | None:  # noqa: ARG001 - Python's signature
             path = frame.f_code.co_filename
             if path not in paths:
                 return None
-            seen = ran.setdefault(path, set())
 
             def trace_line(frame: FrameType, event: str, argument: object) -> Trace:  # noqa: ARG001 - as above
-                seen.add(frame.f_lineno)
+                ran.setdefault(path, set()).add(frame.f_lineno)
                 return trace_line
 
             return trace_line
@@ -223,15 +228,16 @@ class Tests:
             threading.settrace(trace)
             sys.settrace(trace)
             try:
-                is_right = _is_right(item, self._items[i + 1] if i + 1 < len(self._items) else None)
+                is_right = _is_right(item, self._items[i + 1] if i + 1 < len(self._items) else None, shared)
             finally:
                 sys.settrace(None)
                 threading.settrace(None)
             took.append(time.process_time() - began)
+            longest.append(took[-1] + shared.took)
             lines.append({path: frozenset(numbers) for path, numbers in ran.items()})
             if not is_right:
                 failed.append(i)
-        send((took, lines, failed))
+        send((took, longest, lines, failed))
 
     def _run(self, target: Target, mutant: Mutant, chosen: Sequence[int], send: Callable[[object], None]) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
@@ -244,7 +250,7 @@ class Tests:
             return
         for place, i in enumerate(chosen):
             # A loop without end takes CPU time, and the default action of this timer's signal ends the process.
-            signal.setitimer(signal.ITIMER_PROF, 5.0 * self.took[i] + 3.0)
+            signal.setitimer(signal.ITIMER_PROF, 5.0 * self._longest[i] + 3.0)
             following = self._items[chosen[place + 1]] if place + 1 < len(chosen) else None
             if not _is_right(self._items[i], following):
                 send(i)
@@ -356,7 +362,7 @@ def _functions_of(paths: set[str]) -> dict[str, list[FunctionType]]:
 
 
 def _is_cache_of_ours(thing: object) -> TypeGuard[_lru_cache_wrapper[object]]:
-    return isinstance(thing, _lru_cache_wrapper) and thing.__wrapped__.__module__.startswith(f"{PACKAGE}.")
+    return isinstance(thing, _lru_cache_wrapper) and thing.__wrapped__.__module__.startswith((f"{PACKAGE}.", "tests."))
 
 
 def _parts(code: CodeType) -> Iterator[CodeType]:
@@ -372,14 +378,16 @@ def _is_value(thing: object) -> bool:
     return isinstance(thing, (bool, int, float, np.ndarray))
 
 
-def _is_right(item: pytest.Item, following: pytest.Item | None) -> bool:
-    """Run one test; return whether no part of it fails."""
+def _is_right(item: pytest.Item, following: pytest.Item | None, *plugins: object) -> bool:
+    """Run one test, with some plugins; return whether no part of it fails."""
     reports = _Reports()
-    item.config.pluginmanager.register(reports)
+    for plugin in (reports, *plugins):
+        item.config.pluginmanager.register(plugin)
     try:
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
     finally:
-        item.config.pluginmanager.unregister(reports)
+        for plugin in (reports, *plugins):
+            item.config.pluginmanager.unregister(plugin)
     return reports.is_right
 
 
@@ -389,6 +397,44 @@ class _Reports:
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         self.is_right &= not report.failed
+
+
+class _SharedFixtures:
+    """The pytest plugin that counts the lines of a fixture for each test that uses it, not for the first one alone.
+
+    Attributes:
+        took: CPU time of all fixtures of the last test [s], whether or not that test was the first to use them.
+    """
+
+    def __init__(self, ran: dict[str, set[int]]) -> None:
+        self._ran = ran
+        self._lines: dict[pytest.FixtureDef[Any], dict[str, set[int]]] = {}
+        self._took: dict[pytest.FixtureDef[Any], float] = {}
+        self.took = 0.0
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_fixture_setup(self, fixturedef: pytest.FixtureDef[Any]) -> Generator[None, object, object]:
+        """Record the lines that a fixture runs."""
+        before = dict(self._ran)
+        self._ran.clear()
+        began = time.process_time()
+        try:
+            return (yield)
+        finally:
+            self._took[fixturedef] = time.process_time() - began
+            self._lines[fixturedef] = {path: set(lines) for path, lines in self._ran.items()}
+            self._add(before)
+
+    def pytest_runtest_teardown(self, item: pytest.Item) -> None:
+        """Count the lines of all fixtures of a test."""
+        used = item._request._fixture_defs.values()  # type: ignore[attr-defined]  # noqa: SLF001 - no other way to those by `getfixturevalue`
+        self.took = sum(self._took.get(fixture, 0.0) for fixture in used)
+        for fixture in used:
+            self._add(self._lines.get(fixture, {}))
+
+    def _add(self, lines: dict[str, set[int]]) -> None:
+        for path, numbers in lines.items():
+            self._ran[path] = self._ran.get(path, set()) | numbers
 
 
 class _Plugin:
