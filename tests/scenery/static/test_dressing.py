@@ -1,4 +1,4 @@
-"""Buildings, trees, lamps and posts beside a straight road: shapes, distances, and how many there are."""
+"""Buildings, trees, lamps and posts beside a straight road: shapes, colours, distances, and how many there are."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pytest
 from rosbridge_sim.maps.road_map import Border, Crosswalk
 from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
 from rosbridge_sim.scenery.static.dressing import _cells, _crown, _far_apart, _fir, _spread
+from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
-from rosbridge_sim.scenery.static.terrain import BELOW
+from rosbridge_sim.scenery.static.terrain import BELOW, Terrain
 from tests.scenery.solid_figures import is_closed, parts_of, volume_of
 from tests.scenery.static.small_scenes import map_of
 from tests.world.road_factory import line, make
@@ -37,6 +38,21 @@ def solids(mesh: Mesh, label: Label, lit: Lit = Lit.NEVER) -> list[np.ndarray]:
     which = (mesh.label == label) & (mesh.lit == lit)
     parts = parts_of(mesh.triangles[which])
     return [mesh.vertices[np.unique(part)].astype(np.float64) + mesh.origin for part in parts]
+
+
+def trees(mesh: Mesh) -> list[list[np.ndarray]]:
+    """Corners of the parts of each tree: its trunk, and a crown or the cones of a fir."""
+    found: list[list[np.ndarray]] = []
+    for part in solids(mesh, Label.TREE):
+        if len(part) == 10:
+            found.append([])
+        found[-1].append(part)
+    return found
+
+
+def around(part: np.ndarray, trunk: np.ndarray) -> float:
+    """Radius of a part about the middle of a trunk [m]."""
+    return float(np.hypot(*(part - trunk.mean(axis=0)).T[:2]).max())
 
 
 def away_from_road(places: np.ndarray) -> np.ndarray:
@@ -73,6 +89,38 @@ def test_buildings_keep_off_the_road_and_off_each_other(
     assert np.unique(walls[roofs[:, 2] > 0.99], axis=0).tolist() == [[112, 108, 106]]
 
 
+def test_houses_of_a_town_have_walls_of_eight_colours_and_seven_heights(town: Mesh) -> None:
+    walls = town.colour[(town.label == Label.BUILDING) & (np.abs(town.normals[:, 2]) < 0.5)]
+    greys = [(128, 120, 116), (140, 146, 150), (150, 110, 92), (160, 148, 138), (172, 138, 112)]
+    assert np.unique(walls, axis=0).tolist() == [
+        list(colour) for colour in [*greys, (178, 168, 152), (186, 176, 150), (196, 190, 180)]
+    ]
+    heights = np.round([house[:, 2].max() + BELOW for house in solids(town, Label.BUILDING)], 3)
+    values, counts = np.unique(heights, return_counts=True)
+    assert values.tolist() == [4.0, 7.0, 10.0, 13.0, 16.0, 22.0, 31.0]
+    assert counts / len(heights) == pytest.approx([0.14, 0.24, 0.24, 0.16, 0.12, 0.07, 0.03], abs=0.08)
+
+
+def test_houses_stand_along_a_slanted_road_and_reach_from_below_the_lowest_ground_to_above_the_highest() -> None:
+    roads = make(a=(np.array([(0.0, 0.0, 0.0), (240.0, 320.0, 24.0)]), ""))
+    mesh = static_mesh(map_of(roads, borders=LINES, crosswalks=PEOPLE), "x", 0)
+    terrain = Terrain(roads, RoadCover(roads))
+    houses = solids(mesh, Label.BUILDING)
+    slopes = []
+    for house in houses:
+        ground = terrain.height(house[:4, :2])
+        assert house[:4, 2] == pytest.approx(ground.min() - 1.0, abs=2e-3)
+        assert float(house[4, 2] - ground.max()) == pytest.approx(
+            min((4, 7, 10, 13, 16, 22, 31), key=lambda h: abs(h - float(house[4, 2] - ground.max()))), abs=2e-3
+        )
+        side = house[1, :2] - house[0, :2]
+        assert side / np.linalg.norm(side) == pytest.approx((0.6, 0.8), abs=1e-3)
+        assert float(side @ (house[2, :2] - house[1, :2])) == pytest.approx(0.0, abs=0.01)
+        slopes.append(np.ptp(ground))
+    assert len(houses) > 40
+    assert max(slopes) > 1.0
+
+
 @pytest.mark.parametrize(("name", "free"), [("town", 3.4), ("country", 1.5)])
 def test_trees_stand_on_the_ground_beside_the_road_more_of_them_near_it(
     name: str, free: float, request: pytest.FixtureRequest
@@ -100,6 +148,72 @@ def test_trees_stand_on_the_ground_beside_the_road_more_of_them_near_it(
         assert 2.0 < np.ptp(part[:, 2]) < 9.0 or len(part) == 14
         assert part[:, 2].min() + BELOW > 0.6
         assert part[:, 2].max() < 10.8
+
+
+def test_parts_of_a_tree_have_its_size_from_three_quarters_to_one_and_a_third(town: Mesh) -> None:
+    forest = trees(town)
+    assert {len(tree) for tree in forest} == {2, 4}
+    sizes = []
+    for trunk, *tops in forest:
+        foot = float(trunk[:, 2].min())
+        assert foot == pytest.approx(-BELOW - 0.1, abs=1e-3)
+        is_fir = len(tops) == 3
+        size = (float(trunk[:, 2].max()) - foot) / (1.4 if is_fir else 2.4)
+        sizes.append(size)
+        assert around(trunk, trunk) == pytest.approx((0.14 if is_fir else 0.16) * size, abs=1e-3)
+        spans = [((top[:, 2].min() - foot) / size, (top[:, 2].max() - foot) / size) for top in tops]
+        radii = [around(top, trunk) / size for top in tops]
+        if is_fir:
+            third = 6.4 / 3
+            steps = [(1.0 + 0.85 * third * k, 1.0 + third * (k + 1.3)) for k in range(3)]
+            assert np.ravel(spans) == pytest.approx(np.ravel(steps), abs=5e-3)
+            assert radii == pytest.approx([1.7, 1.7 * 0.73, 1.7 * 0.46], abs=5e-3)
+        else:
+            assert spans[0] == pytest.approx((1.9, 6.2), abs=5e-3)
+            assert radii == pytest.approx([1.9 * 0.95], abs=5e-3)
+    assert (min(sizes), max(sizes)) == pytest.approx((0.75, 1.35), abs=0.05)
+
+
+def test_crowns_are_turned_each_in_its_own_way_and_have_five_greens(country: Mesh) -> None:
+    turns = []
+    for trunk, *tops in trees(country):
+        if len(tops) == 1:
+            corner = (tops[0] - trunk.mean(axis=0))[0]
+            turns.append(math.atan2(corner[1], corner[0]) % (2 * math.pi))
+    assert np.histogram(turns, 4, (0.0, 2 * math.pi))[0].min() > 0.1 * len(turns)
+    is_tree = country.label == Label.TREE
+    parts = parts_of(country.triangles[is_tree])
+    colours, at = [], 0
+    for part in parts:
+        colours.append(country.colour[is_tree][at : at + len(part)].astype(float))
+        at += len(part)
+    trunks = [colour for colour, part in zip(colours, parts, strict=True) if len(np.unique(part)) == 10]
+    assert np.unique(np.concatenate(trunks), axis=0).tolist() == [[86, 68, 52]]
+    crowns = [colour for colour, part in zip(colours, parts, strict=True) if len(np.unique(part)) == 30]
+    greens = np.unique([crown[0] for crown in crowns], axis=0).tolist()
+    assert greens == [[56, 84, 48], [62, 92, 44], [70, 96, 60], [72, 104, 50], [88, 112, 52]]
+    for crown in crowns:
+        shade = crown[:, 1] / crown[0, 1]
+        assert (shade.min(), shade.max()) == pytest.approx((0.92, 1.08), abs=0.02)
+
+
+def test_half_of_the_cells_in_the_country_and_a_third_in_town_have_a_tree_fewer_away_from_the_road(
+    town: Mesh, country: Mesh
+) -> None:
+    x, y = np.meshgrid(np.arange(-139.5, 540.0), np.arange(-139.5, 140.0))
+    away = away_from_road(np.column_stack([x.ravel(), y.ravel()]))
+    for mesh, share, free, shadow in ((country, 0.5, 1.5, 0.0), (town, 0.34, 3.4, 0.28)):
+        reckoned = share / 121.0 * np.exp(-away[(away > free + 2.3) & (away < 98.0)] / 45.0).sum()
+        assert len(trees(mesh)) == pytest.approx((1.0 - shadow) * reckoned, rel=0.08)
+        room = [
+            (float(away_from_road(trunk.mean(axis=0)[None])[0]) - free)
+            / np.ptp(trunk[:, 2])
+            * (2.4, 1.4)[len(tops) > 1]
+            for trunk, *tops in trees(mesh)
+        ]
+        assert 2.2 < min(room) < 2.9  # of a size's 2.2 m, the grid leaves some more
+    far = [float(away_from_road(trunk.mean(axis=0)[None])[0]) for trunk, *_ in trees(country)]
+    assert 90.0 < max(far) < 98.0
 
 
 def test_no_tree_stands_in_a_house(town: Mesh) -> None:
@@ -165,9 +279,35 @@ def test_posts_with_red_caps_stand_beside_country_roads(country: Mesh) -> None:
     assert colours == [[200, 60, 40], [206, 204, 198]]
 
 
-def test_short_lanes_have_neither_lamps_nor_posts() -> None:
+def test_short_lanes_have_neither_lamps_nor_posts_and_the_next_ones_have() -> None:
     mesh = static_mesh(map_of(make(a=(line((0, 0), (17, 0)), "")), borders=LINES), "x", 0)
     assert not (mesh.label == Label.POLE).any()
+    roads = make(a=(line((0, 0), (17, 0)), "b"), b=(line((17, 0), (77, 0)), ""))
+    posts = solids(static_mesh(map_of(roads, borders=LINES), "x", 0), Label.POLE)
+    assert sorted({round(float(post[:, 0].mean())) for post in posts}) == [35, 71]
+
+
+def test_neither_lamps_nor_posts_stand_on_another_road_or_in_a_narrow_strip_beside_one() -> None:
+    beside = make(a=(line((0, 0), (100, 0)), ""), b=(line((0, -6), (100, -6)), ""))
+    mesh = static_mesh(map_of(beside, borders=LINES, crosswalks=PEOPLE), "x", 0)
+    feet = [pole[:, :2].mean(axis=0) for pole in solids(mesh, Label.POLE) if np.ptp(pole[:, 2]) > 5.0]
+    assert sorted((round(float(x)), round(float(y), 3)) for x, y in feet) == [(x, EDGE + 1.1) for x in (18, 54, 90)]
+    crossed = make(a=(line((0, 0), (100, 0)), ""), b=(line((54, -50), (54, 50)), ""))
+    mesh = static_mesh(map_of(crossed, borders=LINES, crosswalks=PEOPLE), "x", 0)
+    feet = [pole[:, :2].mean(axis=0) for pole in solids(mesh, Label.POLE) if np.ptp(pole[:, 2]) > 5.0]
+    along = sorted(round(float(x), 2) for x, y in feet if abs(abs(y) - EDGE - 1.1) < 0.01)
+    assert along == [18.0, 90.0]
+
+
+def test_crown_has_four_rings_of_seven_corners_each_turned_a_little_against_the_one_below() -> None:
+    vertices, _ = _crown(2.0, 1.5, 6.5, 0.3)
+    rings, ends = vertices[:28].reshape(4, 7, 3), vertices[28:]
+    assert ends.tolist() == [[0.0, 0.0, 1.5], [0.0, 0.0, 6.5]]
+    assert rings[:, :, 2] == pytest.approx(np.tile(np.array([[1.5], [2.9], [4.5], [6.0]]), 7))
+    assert np.hypot(rings[:, :, 0], rings[:, :, 1]) == pytest.approx(np.tile(np.array([[0.9], [1.9], [1.8], [0.9]]), 7))
+    angles = np.unwrap(np.arctan2(rings[:, :, 1], rings[:, :, 0]), axis=1)
+    assert angles[:, 0] == pytest.approx([0.3, 0.5, 0.7, 0.9])
+    assert np.diff(angles, axis=1) == pytest.approx(np.full((4, 6), 2 * math.pi / 7))
 
 
 def test_crown_and_fir_are_closed_or_cones_that_look_outwards() -> None:
@@ -180,6 +320,9 @@ def test_crown_and_fir_are_closed_or_cones_that_look_outwards() -> None:
     assert sorted(np.round(other[:, 2], 6)) == sorted(np.round(vertices[:, 2], 6))
     vertices, triangles = _fir(1.7, 1.0, 7.4)
     cones = [vertices[np.unique(part)] for part in parts_of(triangles)]
+    assert [len(cone) for cone in cones] == [14, 14, 14]
+    tops = [np.hypot(*cone[cone[:, 2] > cone[:, 2].mean(), :2].T) for cone in cones]
+    assert np.concatenate(tops) == pytest.approx(0.02)
     third = 6.4 / 3
     assert [float(cone[:, 2].min()) for cone in cones] == pytest.approx([1.0 + 0.85 * third * k for k in range(3)])
     assert [float(cone[:, 2].max()) for cone in cones] == pytest.approx([1.0 + third * (k + 1.3) for k in range(3)])
@@ -190,6 +333,7 @@ def test_things_that_would_meet_give_way_to_the_first() -> None:
     places = np.array([(0.0, 0.0), (15.0, 0.0), (50.0, 50.0), (39.0, 0.0), (41.0, 0.0), (-1.0, 30.0)])
     assert _far_apart(places, np.full(6, 10.0)) == [0, 2, 3, 5]
     assert _far_apart(places[[0, 3]], np.array([20.0, 20.5])) == [0, 1]  # they may touch by two metres
+    assert _far_apart(places[[0, 3]], np.array([20.0, 21.2])) == [0]
     flat = np.column_stack([places, np.zeros(6)])
     assert _spread(flat, 20.0) == [0, 2, 3, 5]
     assert _spread(flat, 1.0) == list(range(6))
