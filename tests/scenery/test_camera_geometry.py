@@ -54,6 +54,25 @@ def test_point_to_the_left_is_left_in_the_picture_and_point_behind_is_nowhere() 
     assert depth == pytest.approx((10.0, -10.0))
 
 
+def test_distortion_follows_the_formula_of_opencv() -> None:
+    camera = CameraModel(640, 480, 90.0, (0.1, -0.2, 0.01, 0.02, 0.3))
+    x, y = 0.5, -0.25
+    r2 = 0.3125
+    radial = 1.0 + 0.1 * r2 - 0.2 * r2**2 + 0.3 * r2**3
+    wanted = (
+        x * radial + 2.0 * 0.01 * x * y + 0.02 * (r2 + 2.0 * x * x),
+        y * radial + 0.01 * (r2 + 2.0 * y * y) + 2.0 * 0.02 * x * y,
+    )
+    assert camera.distort(np.array([[x, y]]))[0] == pytest.approx(wanted)
+    assert camera.is_distorted
+    assert CameraModel(640, 480, 90.0).is_distorted is False
+    assert CameraModel(640, 480, 90.0).matrix.tolist() == [
+        [pytest.approx(320.0), 0.0, 320.0],
+        [0.0, pytest.approx(320.0), 240.0],
+        [0.0, 0.0, 1.0],
+    ]
+
+
 def test_undistort_is_the_inverse_of_distort() -> None:
     camera = CameraModel(640, 480, 90.0, (-0.2, 0.05, 0.001, -0.002, 0.0))
     flat = np.array([[x, y] for x in (-0.9, -0.3, 0.0, 0.8) for y in (-0.7, 0.0, 0.5)])

@@ -67,6 +67,20 @@ def test_page_has_twenty_thousand_triangles_at_most_and_one_square() -> None:
     assert mesh_pages(Mesh.empty()).pages == ()
 
 
+def test_squares_are_seen_from_above_so_a_high_place_is_on_the_page_below_it() -> None:
+    corners = np.array([(1, 1, 0), (2, 1, 0), (1, 2, 0)], np.float32)
+    made = mesh_pages(
+        join_meshes(
+            [
+                Mesh.of(corners + np.array((0, 0, z)), np.array([[0, 1, 2]]), (1, 2, 3), Label.TREE)
+                for z in (0, 300, 600)
+            ]
+        )
+    )
+    assert [page.num_triangles for page in made.pages] == [3]
+    assert len(bytes.fromhex(made.digest)) == 16
+
+
 def test_steps_of_a_page_fill_its_numbers_and_keep_each_place_to_half_a_step() -> None:
     mesh = grid(300, side=200.0)
     (page,) = mesh_pages(mesh).pages

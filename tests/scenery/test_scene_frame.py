@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+import pytest
 
 from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.scenery.scene_frame import EgoLook, Shape, shape_of, take_frame
@@ -31,6 +34,28 @@ def test_egos_are_shown_with_number_and_lamps_of_their_clients() -> None:
     assert frame.ids.tolist() == [1, 1234]
     assert frame.lamps.tolist() == [0, LEFT | BRAKE]
     assert take_frame(world).ids.tolist() == [1, uid]
+
+
+def test_columns_of_a_frame_are_those_of_the_bodies_and_their_motion() -> None:
+    world = World()
+    body = Body(length=6.0, width=2.0, height=1.5, wheelbase=4.0, front_overhang=1.2, rear_overhang=0.8)
+    uid = world.spawn(Kind.VEHICLE, body, name="car", x=3.0, y=4.0, z=5.0, yaw=0.3, pitch=0.1, roll=0.2, speed=10.0)
+    world.spawn(Kind.PEDESTRIAN, Body.box(0.4, 0.6, 1.7), name="Man", x=1.0, y=2.0, yaw=1.2, speed=1.5)
+    slow = world.spawn(Kind.VEHICLE, body, name="car", x=9.0, y=0.0, speed=-0.5)
+    ego = world.spawn(Kind.EGO, body, name="ego", x=0.0, y=9.0, speed=10.0)
+    for each in (uid, slow, ego):
+        world.yaw_rate[world.row(each)] = 0.25
+    world.steer[world.row(ego)] = 0.4
+    frame = take_frame(world)
+    assert frame.sizes.tolist() == [[6.0, 2.0, 1.5], [0.4, 0.6, 1.7], [6.0, 2.0, 1.5], [6.0, 2.0, 1.5]]
+    assert frame.centres.tolist() == pytest.approx([2.2, 0.0, 2.2, 2.2])
+    assert frame.wheelbases.tolist() == [4.0, 0.0, 4.0, 4.0]
+    assert frame.poses[0].tolist() == pytest.approx([3.0, 4.0, 5.0, 0.2, 0.1, 0.3])
+    assert frame.speeds.tolist() == [10.0, 1.5, -0.5, 10.0]
+    assert frame.steers.tolist() == pytest.approx([math.atan(0.1), 0.0, math.atan(1.0), 0.4])
+    assert frame.strides[:2].tolist() == pytest.approx(
+        [3.0 * math.cos(0.3) + 4.0 * math.sin(0.3), math.cos(1.2) + 2.0 * math.sin(1.2)]
+    )
 
 
 def test_every_model_has_the_shape_of_its_name() -> None:

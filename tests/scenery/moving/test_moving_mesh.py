@@ -20,6 +20,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.followers.lamps import BRAKE, LEFT, RIGHT
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.world import Body, Kind, World
+from tests.world.road_factory import signalled
 
 ORIGIN = np.array([100.0, 200.0, 0.0])
 
@@ -101,6 +102,38 @@ def test_vehicles_far_from_the_eye_have_fewer_triangles_and_beyond_its_reach_non
     assert nums == [fine, fine, coarse, 0]
     mesh = MovingScene().mesh(frame, np.zeros(3), which=np.array([True, False, False, True]))
     assert [int((mesh.instance == uid + 1).sum()) for uid in frame.ids] == [fine, 0, 0, fine]
+
+
+def test_what_is_just_at_the_reach_of_an_eye_is_shown_and_just_at_the_distance_of_details_in_full() -> None:
+    world = World()
+    for x in (45.0, 100.0, 100.001):
+        world.spawn(Kind.VEHICLE, Body(), name="car", x=x, y=0.0)
+    frame = take_frame(world)
+    mesh = MovingScene().mesh(frame, np.zeros(3), np.zeros(3), 100.0)
+    assert [int((mesh.instance == uid + 1).sum()) for uid in frame.ids] == [300 + 4 * 36, 104 + 4 * 16, 0]
+
+
+def test_lamps_of_lights_move_with_the_origin_and_can_be_left_out() -> None:
+    roads, plan = signalled()
+    world = World()
+    world.lay_roads(roads, plan)
+    frame, scene = take_frame(world), MovingScene()
+    meshes = [scene.mesh(frame, origin) for origin in (np.zeros(3), ORIGIN, np.zeros(3))]
+    assert {int(label) for mesh in meshes for label in mesh.label} == {Label.TRAFFIC_LIGHT}
+    places = [mesh.vertices.astype(np.float64) + mesh.origin for mesh in meshes]
+    assert places[1] == pytest.approx(places[0], abs=1e-4)
+    assert np.array_equal(places[2], places[0])
+    assert [mesh.origin.tolist() for mesh in meshes] == [[0.0] * 3, ORIGIN.tolist(), [0.0] * 3]
+    assert len(scene.mesh(frame, ORIGIN, has_lenses=False)) == 0
+
+
+def test_obstacle_lies_about_the_middle_of_its_body() -> None:
+    world = World()
+    body = Body(length=2.0, width=1.0, height=1.5, wheelbase=0.0, front_overhang=1.5, rear_overhang=0.5)
+    uid = world.spawn(Kind.OBSTACLE, body, name="box", x=10.0, y=20.0)
+    corners = corners_of(MovingScene().mesh(take_frame(world), ORIGIN), uid + 1)
+    assert (corners[:, 0].min(), corners[:, 0].max()) == pytest.approx((9.5, 11.5), abs=0.02)
+    assert (corners[:, 1].min(), corners[:, 1].max()) == pytest.approx((19.5, 20.5), abs=0.02)
 
 
 def test_turn_signals_blink_ninety_times_a_minute_and_brakes_do_not() -> None:

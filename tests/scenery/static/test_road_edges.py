@@ -9,6 +9,7 @@ from rosbridge_sim.maps.road_map import Border, Crosswalk
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.road_edges import _are_turns, _drop_short, _narrowest, _smooth_runs
+from rosbridge_sim.scenery.static.road_surface import sample_lane
 from rosbridge_sim.scenery.static.terrain import BELOW, Terrain, _lowest_around, _smooth
 from rosbridge_sim.world.roads.roads import Roads
 from tests.scenery.static.small_scenes import area, corners, drawn
@@ -74,6 +75,31 @@ def test_asphalt_is_the_lane_with_its_shoulders_and_a_bit_longer() -> None:
     assert area(mesh, Label.ASPHALT) == pytest.approx(100.4 * 4.2)
 
 
+def test_lane_with_a_slope_across_is_two_strips_that_meet_in_its_middle() -> None:
+    points = line((0, 0), (50, 0), (100, 0))
+    banks = {0: np.tile([-0.03, 0.02], (3, 1))}
+    mesh = drawn(Roads(["a"], [points], [[]], [3.5], [15.0], banks=banks), borders=LINES)
+    places = corners(mesh, Label.ASPHALT).reshape(-1, 3)
+    height = np.where(places[:, 1] > 0.0, -0.03, 0.02) * places[:, 1]
+    assert places[:, 2] == pytest.approx(height, abs=1e-4)
+    assert sorted({round(float(y), 3) for y in places[:, 1]}) == [-2.1, 0.0, 2.1]
+    assert area(mesh, Label.ASPHALT) == pytest.approx(100.4 * 4.2)
+
+
+@pytest.mark.parametrize(("length", "num"), [(100.0, 101), (10.4, 11), (0.6, 3)])
+def test_places_along_a_lane_are_about_a_step_apart_and_reach_its_end(length: float, num: int) -> None:
+    sample = sample_lane(road(length), 0, 1.0, 2)
+    assert sample.points[:, 0] == pytest.approx(np.linspace(0.0, length, num))
+    assert sample.side.tolist() == [[0.0, 1.0]] * num
+    assert sample.border.tolist() == [[1.75, 1.75]] * num
+
+
+def test_verge_is_a_dull_green() -> None:
+    mesh = drawn(road(100.0), borders=LINES)
+    near = (mesh.label == Label.GROUND) & (np.ptp(mesh.vertices[mesh.triangles][..., 2], axis=1) > 0.1)
+    assert np.unique(mesh.colour[near], axis=0).tolist() == [[99, 112, 86]]
+
+
 def two_lanes(gap: float) -> Roads:
     apart = 3.5 + gap
     return make(there=(line((0, 0), (100, 0)), ""), back=(line((100, apart), (0, apart)), ""))
@@ -109,21 +135,31 @@ def test_bridge_has_walls_on_both_sides_and_no_pavement() -> None:
     tops = walls[np.abs(walls[:, 2] - 9.9) < 1e-3]
     assert sorted({round(abs(float(y)), 3) for y in tops[:, 1]}) == [2.1, 2.35]
     assert {float(np.sign(y)) for y in tops[:, 1]} == {-1.0, 1.0}
+    beyond = walls[np.abs(np.abs(walls[:, 1]) - 2.35) < 1e-3]
+    ends = [beyond[np.abs(beyond[:, 2] - z) < 1e-3, 0] for z in (8.3, 9.9)]
+    assert len({(round(float(x.min()), 3), round(float(x.max()), 3)) for x in ends}) == 1
+    is_wall = (mesh.label == Label.KERB) & (mesh.vertices[mesh.triangles][..., 2].min(axis=1) > 5.0)
+    places, normals = corners(mesh, Label.KERB), mesh.normals[mesh.label == Label.KERB]
+    sides = np.abs(places[is_wall[mesh.label == Label.KERB]][..., 1].mean(axis=1))
+    outwards = np.sign(places[..., 1].mean(axis=1)) * normals[:, 1]
+    outwards = outwards[is_wall[mesh.label == Label.KERB]]
+    assert outwards[sides < 2.11].tolist() == pytest.approx([-1.0] * int((sides < 2.11).sum()))
+    assert outwards[sides > 2.34].tolist() == pytest.approx([1.0] * int((sides > 2.34).sum()))
 
 
 def test_ways_through_a_crossing_are_found_by_forks_joins_and_stops() -> None:
-    ways = {"a": "b c", "b": "d", "c": "e", "d": "", "e": "", "f": "d", "g": "h", "h": ""}
+    ways = {"a": "b c k", "b": "d", "c": "e", "d": "", "e": "", "f": "d", "g": "h", "h": "", "k": ""}
     names = list(ways)
     roads = Roads(
         names,
         [line((i, 0), (i, 90 if name == "c" else 20)) for i, name in enumerate(names)],
         [[names.index(to) for to in then.split()] for then in ways.values()],
-        [3.5] * 8,
-        [15.0] * 8,
+        [3.5] * 9,
+        [15.0] * 9,
         is_stop=[name == "g" for name in names],
     )
     found = {name for name, is_turn in zip(names, _are_turns(roads), strict=True) if is_turn}
-    assert found == {"b", "f", "h"}  # of a fork, before a join, behind a stop; c is too long for a turn
+    assert found == {"b", "k", "f", "h"}  # of a fork, before a join, behind a stop; c is too long for a turn
     assert not _are_turns(crossing()).any()
 
 
@@ -168,7 +204,8 @@ def test_ground_of_a_flat_map_is_just_below_its_roads_and_far_beyond_them() -> N
     assert areas == pytest.approx(200.0)
     assert areas.sum() == pytest.approx(np.prod(np.ptp(grid[:, :2], axis=0)))
     colours = np.unique(mesh.colour[mesh.label == Label.GROUND], axis=0)
-    assert len(colours) == 4 + 1
+    grass = [[79, 114, 69], [84, 119, 72], [88, 125, 76], [90, 123, 80]]
+    assert colours.tolist() == [*grass, [99, 112, 86]]
 
 
 def test_height_of_the_ground_is_that_of_its_cells_evened_out() -> None:

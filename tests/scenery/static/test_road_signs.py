@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,29 @@ def test_outline_that_crosses_itself_ends() -> None:
     builder = MeshBuilder(np.zeros(3))
     add_markings(builder, [Marking("bow", np.array([(0, 0, 0), (1, 1, 0), (1, 0, 0), (0, 1, 0)], dtype=np.float64))])
     assert len(builder.finish()) <= 2
+
+
+def test_plate_is_turned_as_its_heading_says() -> None:
+    roads = make(a=(line((0, 0), (100, 0)), ""))
+    yaw = math.radians(30.0)
+    signs = (Sign("stop", 50.0, 8.0, 3.0, yaw, "2", width=0.8, height=0.5),)
+    mesh = static_mesh(RoadMap("tiny", NO_PROJECTION, (0.0, 0.0, 0.0), roads, signs=signs), "tiny", 0, is_dressed=False)
+    plate = mesh.vertices[mesh.triangles[mesh.label == Label.SIGN]].reshape(-1, 3) + mesh.origin - (50.0, 8.0, 3.0)
+    facing = plate[:, 0] * math.cos(yaw) + plate[:, 1] * math.sin(yaw)
+    aside = plate[:, 1] * math.cos(yaw) - plate[:, 0] * math.sin(yaw)
+    assert (facing.min(), aside.min(), aside.max()) == pytest.approx((0.0, -0.4, 0.4), abs=1e-3)
+    assert 0.01 < facing.max() < 0.1
+    assert (plate[:, 2].min(), plate[:, 2].max()) == pytest.approx((-0.25, 0.25), abs=1e-3)
+    pole = mesh.vertices[mesh.triangles[mesh.label == Label.POLE]].reshape(-1, 3) + mesh.origin - (50.0, 8.0, 3.0)
+    middle = 0.5 * (pole.min(axis=0) + pole.max(axis=0))
+    assert middle[0] * math.cos(yaw) + middle[1] * math.sin(yaw) < -0.02  # behind the plate
+    assert middle[1] * math.cos(yaw) - middle[0] * math.sin(yaw) == pytest.approx(0.0, abs=0.01)
+
+
+def test_markings_lie_half_a_centimetre_above_the_road() -> None:
+    builder = MeshBuilder(np.zeros(3))
+    add_markings(builder, [Marking("arrow", ARROW + np.array((0.0, 0.0, 7.0)))])
+    assert builder.finish().vertices[:, 2] == pytest.approx(7.005, abs=1e-5)
 
 
 def test_sign_faces_its_heading_on_a_pole_beside_the_road() -> None:
