@@ -8,7 +8,7 @@ import types
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -20,7 +20,17 @@ from rosbridge_sim.simulator.simulator_node import NodeSettings
 from tests.cpu_time import run
 from tests.support import ROOT, miss
 
-OPTIONS = get_type_hints(SimulatorOptions)
+STUB = ROOT / "rosbridge_sim" / "shell" / "config" / "options.pyi"
+"""What type checkers read in place of `options.py`."""
+
+
+def hints_of_stub() -> dict[str, Any]:
+    names: dict[str, Any] = {}
+    exec(compile(STUB.read_text(), str(STUB), "exec", dont_inherit=True), names)  # noqa: S102 - a file of ours
+    return get_type_hints(names["SimulatorOptions"])
+
+
+OPTIONS = hints_of_stub()
 
 SETTINGS = get_type_hints(Settings, localns={"InterfaceChoice": InterfaceChoice})
 
@@ -38,6 +48,10 @@ def parts_of(hint: object) -> set[object]:
 @pytest.mark.parametrize("name", [field.name for field in fields(Settings)])
 def test_option_takes_each_value_of_its_setting(name: str) -> None:
     assert parts_of(OPTIONS[name]) >= parts_of(SETTINGS[name])
+
+
+def test_the_type_at_run_time_has_the_keys_of_the_stub() -> None:
+    assert SimulatorOptions.__annotations__.keys() == OPTIONS.keys()
 
 
 def refused_by_type_checkers() -> None:
