@@ -26,9 +26,11 @@ from typing import Any, Final, cast
 
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.version import __version__
+from rosbridge_sim.world.contacts.collisions import take_pair_loops
 from rosbridge_sim.world.followers.lane_following import take_kernels
 from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
+from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 
 _OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
 """No fused multiply-add: it rounds once, where numpy rounds twice."""
@@ -168,4 +170,6 @@ def load_library(path: Path) -> CompiledLoops:
 
 def take_library(path: Path) -> None:
     """Load a compiled library, and have all worlds take its loops; see `load_library`."""
-    take_kernels(partial(LaneKernel, load_library(path)))
+    library = load_library(path)
+    take_kernels(partial(LaneKernel, library))
+    take_pair_loops(partial(PairKernel, library))

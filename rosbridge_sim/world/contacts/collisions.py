@@ -28,7 +28,8 @@ Nothing depends on rows or on the order of spawning: pairs are sorted by id.
 from __future__ import annotations
 
 import math
-from typing import Final
+from enum import IntEnum
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -84,6 +85,66 @@ POSE_X, POSE_Y, POSE_YAW, POSE_SPEED, POSE_Z = range(5)
 """Rows of the array `CollisionDetector.poses`."""
 
 
+class Watch(IntEnum):
+    """Answer of loops about the pairs of the list."""
+
+    APART = 0
+    MAY_TOUCH = 1
+    LIST_ENDS = 2
+
+
+class Foreseen(NamedTuple):
+    """Arrays of a detector that loops write, see there.
+
+    Attributes:
+        poses: (2, 5, n).
+        seen: (2, 3, n) foreseen x, y [m] and yaw [rad] as the step began and as it ended.
+        rate: (3, n) their change in a step.
+        margin: (3, n) by which they may differ.
+        reach: (n,) of the boxes from their reference points [m]; read.
+    """
+
+    poses: FloatArray
+    seen: FloatArray
+    rate: FloatArray
+    margin: FloatArray
+    reach: FloatArray
+
+
+class PairLoops(Protocol):
+    """Loops that watch the pairs of one world, see `kernels.pair_kernel`."""
+
+    def watch(self, *, is_due: bool) -> Watch:
+        """Take the poses as the step has ended, and say what is to be done; a list that `is_due` ends."""
+
+    def list_pairs(self) -> IntArray | None:
+        """Return the list of `CollisionDetector`; None for a heap."""
+
+    def judge(self, pairs: IntArray) -> bool:
+        """Take a list, and return whether a pair of it may touch."""
+
+
+class MakeLoops(Protocol):
+    """Maker of `PairLoops`."""
+
+    def __call__(self, world: WorldRows, rows: IntArray, foreseen: Foreseen, *, is_small: bool) -> PairLoops:
+        """Return the loops for the rows in use, in order of their ids."""
+
+
+class _Backend:
+    """The maker of the loops of all worlds; None while arrays watch."""
+
+    make: MakeLoops | None = None
+
+
+_BACKEND: Final = _Backend()
+
+
+def take_pair_loops(make: MakeLoops | None) -> None:
+    """Have loops watch the pairs of all worlds from their next lists on; None for arrays."""
+    _BACKEND.make = make
+
+
 class CollisionDetector:
     """Finds the contacts of each step: the poses as it began, and the list of pairs that may touch.
 
@@ -99,10 +160,13 @@ class CollisionDetector:
             "_drift",
             "_gap",
             "_half",
+            "_is_measured",
             "_is_out",
             "_chord",
             "_judged",
             "_life",
+            "_loops",
+            "_maker",
             "_margin",
             "_may_meet",
             "_now",
@@ -139,6 +203,8 @@ class CollisionDetector:
         self._drift = np.empty((2, 3, n))
         self._is_out = np.empty((2, 3, n), dtype=bool)
         self._life = 0
+        self._maker: MakeLoops | None = None
+        self._loops: PairLoops | None = None
         self._list(NO_PAIRS)
 
     def keep(self) -> None:
@@ -154,6 +220,20 @@ class CollisionDetector:
 
     def find(self) -> IntArray:
         """Return the contacts between the stored poses and now, (m, 2) int64, ids, the lower first, in rising order."""
+        if self._life <= 0 and _BACKEND.make is not self._maker:
+            self._take_loops(_BACKEND.make)
+        may_touch = self._watch() if self._loops is None else self._watch_by_loops(self._loops)
+        self._life -= 1
+        return self._judge() if may_touch else NO_CONTACTS
+
+    def _take_loops(self, make: MakeLoops | None) -> None:
+        self._maker, self._loops = make, None
+        if make is not None and self._world_of_row is None:
+            foreseen = Foreseen(self.poses, self._seen, self._rate, self._margin, self._reach)
+            self._loops = make(self._world, self._rows, foreseen, is_small=self._may_meet is not None)
+
+    def _watch(self) -> bool:
+        """Bring the list up to date, and return whether there are pairs on it."""
         np.copyto(self._poses_after, self._now)
         np.add(self._seen, self._rate, self._seen)
         np.subtract(self._places, self._seen, self._drift)
@@ -163,8 +243,20 @@ class CollisionDetector:
             self._look_around(slice(None))
         elif self._is_astray():
             self._look_around(self._find_astray())
-        self._life -= 1
-        return self._judge() if self._pairs.size else NO_CONTACTS
+        return self._pairs.size > 0
+
+    def _watch_by_loops(self, loops: PairLoops) -> bool:
+        """Bring the list up to date, and return whether a pair of it may touch."""
+        found = loops.watch(is_due=self._life <= 0)
+        if found != Watch.LIST_ENDS:
+            return found == Watch.MAY_TOUCH
+        pairs = loops.list_pairs()
+        if pairs is None:
+            self._look_around(slice(None))
+        else:
+            self._life = LIFE
+            self._list(pairs)
+        return loops.judge(self._pairs)
 
     # The list
 
@@ -304,10 +396,13 @@ class CollisionDetector:
 
     def _list(self, pairs: IntArray) -> None:
         """Take pairs of rows, (2, m), as the list."""
-        world = self._world
-        self._pairs = pairs
-        if not pairs.size:
-            return
+        self._pairs, self._is_measured = pairs, False
+        self._gap = np.zeros(pairs.shape[1])
+
+    def _measure(self) -> None:
+        """Work out what the judgement wants of the pairs of a new list."""
+        world, pairs = self._world, self._pairs
+        self._is_measured = True
         half = in_columns(world.half_length[pairs], world.half_width[pairs])
         self._half = np.maximum(half - TOUCHING / 2, 0.0)
         self._centre = world.centre[pairs]
@@ -316,7 +411,6 @@ class CollisionDetector:
         self._chord = GRAIN / np.maximum(corner, GRAIN)
         # An arc is at most pi / 2 times its chord; the middle of the box is on an arc, too.
         self._swing = 0.5 * math.pi * (corner + np.abs(self._centre))
-        self._gap = np.zeros(pairs.shape[1])
         self._judged = np.zeros((POSE_YAW + 1, *pairs.shape))
 
     # The judgement
@@ -337,7 +431,9 @@ class CollisionDetector:
 
     def _judge(self) -> IntArray:
         """Return the pairs of the list that touch, as ids."""
-        if self._are_still_apart():
+        if not self._is_measured:
+            self._measure()
+        elif self._are_still_apart():
             return NO_CONTACTS
         pairs = self._pairs
         poses = self.poses.take(pairs, axis=2)  # (2, 5, 2, m)

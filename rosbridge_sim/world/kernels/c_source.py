@@ -1,7 +1,8 @@
 """The source of the loops: constants and rules of the package, the structure that all loops get, and the files in C.
 
 A rule of drivers is written once, as a function of operators and numbers (`rule_operators`). It becomes a function in
-C as it becomes one of single floats. The structure has 64 bits for each field: a whole number or an array's address.
+C as it becomes one of single floats. A structure has 64 bits for each field: a whole number or an array's address. The
+loops for drivers have one, those for pairs of boxes have another.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
+from rosbridge_sim.world.contacts import collisions
 from rosbridge_sim.world.drivers import (
     driver_model,
     driver_parameters,
@@ -20,6 +22,7 @@ from rosbridge_sim.world.drivers import (
 )
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD
 from rosbridge_sim.world.followers import lane_following
+from rosbridge_sim.world.geometry import near_pairs
 from rosbridge_sim.world.lane_changes import (
     lane_change_decision,
     lane_change_model,
@@ -31,7 +34,7 @@ from rosbridge_sim.world.roads import lane_conflicts, turn_shares
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.state.written_equations import Script, Term
 
-FILES: Final = ("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c")
+FILES: Final = ("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c", "pairs.c")
 """The files beside this one, in their order."""
 
 LOOK_WORDS: Final = 32
@@ -127,15 +130,34 @@ def names_in(table: Mapping[str, str]) -> list[str]:
 PLACE_OF: Final = {name: place for place, name in enumerate([*NUMBERS, *ARRAYS])}
 """Places of fields in the structure."""
 
+PAIR_NUMBERS: Final = [
+    *("n", "stride", "num_bodies", "is_small", "num_heads", "most_pairs"),
+    *("num_pairs", "num_near", "num_wide", "num_visited"),
+]
+PAIR_COLUMNS: Final[Mapping[str, str]] = {"D": "half_length half_width centre"}
+_PAIR_TABLES: Final[Sequence[Mapping[str, str]]] = (
+    PAIR_COLUMNS,
+    {"D": "now poses seen rate margin reach unit_x unit_y", "I": "rows pairs wide head", "B": "is_car"},
+    {"Pair": "pair", "Box": "box"},
+)
+PAIR_ARRAYS: Final = {name: kind for table in _PAIR_TABLES for kind, names in table.items() for name in names.split()}
+PLACE_OF_PAIRS: Final = {name: place for place, name in enumerate([*PAIR_NUMBERS, *PAIR_ARRAYS])}
+"""The same of the structure for pairs of boxes, by row, by body in order of ids, or by pair."""
+
+PAIR_WORDS = BOX_WORDS = 17
+"""Room for a pair of the list, and for a body as the list is made, in 8 bytes."""
+
 FUNCTIONS: Final = {
     **dict.fromkeys(("begin_decision", "perceive", "accelerate", "follow_wishes", "plan_wander", "nudge"), ""),
-    **dict.fromkeys(("is_anybody_changing", "look_at_lanes_beside", "look_at_headings", "steer"), "I"),
-    **dict.fromkeys(("signal_changes", "take_headings"), "I I"),
+    **dict.fromkeys(("is_anybody_changing", "look_at_lanes_beside", "look_at_headings", "steer", "list_pairs"), "I"),
+    **dict.fromkeys(("signal_changes", "take_headings", "watch_pairs", "judge_pairs"), "I I"),
     **dict.fromkeys(("find_slants", "move"), " D"),
 }
 """Functions of the library: the type of the result, and that of the argument after the structure's address."""
 
 _CONSTANTS: Final = {
+    collisions: "TOUCHING LIFE MARGIN TURN_MARGIN",
+    near_pairs: "MAX_WIDE MUCH MAX_BOX_PAIRS PAIRS_EACH MAX_NEAR NEAR_EACH",
     driver_model: "GAP STOP_GAP BRAKE_FROM FIRM HARDEST CREEP",
     driver_parameters: "HEAVY_LENGTH",
     right_of_way: "SAME_DISTANCE FAR LEFT_TURN ROOM_TIME",
@@ -157,6 +179,10 @@ _MORE_CONSTANTS: Final = {
     "FULL_TURN": 2.0 * math.pi,
     "NUM_LANES": NUM_AHEAD + 1,
     "LOOK_WORDS": LOOK_WORDS,
+    "PAIR_WORDS": PAIR_WORDS,
+    "BOX_WORDS": BOX_WORDS,
+    "FAR_CELL": 1e9,
+    "MAX_VISITS": 8,
     "LANE_WIDTH": lane_change_motion.LANE,
     "SIGNAL_TIME": lane_change_decision.SIGNAL_FRAMES * DT,
 }
@@ -185,6 +211,9 @@ _HEAD: Final = """#include <math.h>
 typedef int64_t I;
 typedef double D;
 typedef uint8_t B;
+typedef struct { D x, y; } V;
+typedef struct Pair Pair;
+typedef struct Box Box;
 """
 
 
@@ -230,9 +259,13 @@ def write_source(files: Sequence[str]) -> str:
     """
     constants = {name: getattr(module, name) for module, names in _CONSTANTS.items() for name in names.split()}
     defined = [f"#define {name} {_literal(value)}\n" for name, value in (constants | _MORE_CONSTANTS).items()]
-    fields = [f"I {name};" for name in NUMBERS] + [f"{kind} *{name};" for name, kind in ARRAYS.items()]
-    struct = "typedef struct {\n" + "".join(f"  {field}\n" for field in fields) + "} K;\n"
-    return "".join([_HEAD, *defined, struct, *(write_rule(*rule) for rule in _RULES.items()), *files])
+    structs = _write_struct("K", NUMBERS, ARRAYS), _write_struct("P", PAIR_NUMBERS, PAIR_ARRAYS)
+    return "".join([_HEAD, *defined, *structs, *(write_rule(*rule) for rule in _RULES.items()), *files])
+
+
+def _write_struct(name: str, numbers: Sequence[str], arrays: Mapping[str, str]) -> str:
+    fields = [f"I {number};" for number in numbers] + [f"{kind} *{array};" for array, kind in arrays.items()]
+    return "typedef struct {\n" + "".join(f"  {field}\n" for field in fields) + f"}} {name};\n"
 
 
 def _literal(value: float) -> str:

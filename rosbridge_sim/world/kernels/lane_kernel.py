@@ -6,8 +6,8 @@ follow no lanes, joins, intruders, the start and the end of lane changes, the sw
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Final, Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -31,12 +31,10 @@ from rosbridge_sim.world.kernels.c_source import (
     OF_NEIGHBOURS,
     OF_ROADS,
     PLACE_OF,
-    names_in,
 )
+from rosbridge_sim.world.kernels.loop_fields import LoopFields
 from rosbridge_sim.world.lane_changes.lane_change_motion import LANE, find_shifted
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
-
-_TYPES: Final = {"D": np.float64, "I": np.int64, "B": np.bool_}
 
 
 class CompiledLoops(Protocol):
@@ -56,47 +54,9 @@ class CompiledLoops(Protocol):
     find_slants: Callable[[int, float], None]
     move: Callable[[int, float], None]
     nudge: Callable[[int], None]
-
-
-class _Fields:
-    """The structure that all loops get; it keeps the arrays whose addresses it holds.
-
-    Attributes:
-        address: of the structure.
-        arrays: by name.
-    """
-
-    def __init__(self) -> None:
-        self._words = np.zeros(len(PLACE_OF), np.int64)
-        self.address = _address(self._words)
-        self.arrays: dict[str, npt.NDArray[Any]] = {}
-
-    def __getitem__(self, number: str) -> int:
-        return self._words.item(PLACE_OF[number])
-
-    def __setitem__(self, number: str, value: int) -> None:
-        self._words[PLACE_OF[number]] = value
-
-    def take(self, **arrays: npt.NDArray[Any]) -> None:
-        """Take arrays, whose last axis is contiguous."""
-        for name, array in arrays.items():
-            if self.arrays.get(name) is not array:
-                self.arrays[name], self._words[PLACE_OF[name]] = array, _address(array)
-
-    def copy(self, source: object, table: Mapping[str, str]) -> None:
-        """Take the attributes of an object that a table names; None is none."""
-        arrays = {name: getattr(source, name) for name in names_in(table)}
-        self.take(**{name: array for name, array in arrays.items() if array is not None})
-
-    def make(self, table: Mapping[str, str], num: int) -> None:
-        """Make arrays of zeros."""
-        for kind, names in table.items():
-            self.take(**{name: np.zeros(max(num, 1), _TYPES[kind]) for name in names.split()})
-
-
-def _address(array: npt.NDArray[Any]) -> int:
-    address: int = array.__array_interface__["data"][0]
-    return address
+    watch_pairs: Callable[[int, int], int]
+    list_pairs: Callable[[int], int]
+    judge_pairs: Callable[[int, int], int]
 
 
 class LaneKernel:
@@ -108,7 +68,7 @@ class LaneKernel:
     """
 
     def __init__(self, library: CompiledLoops, followers: LaneFollowers) -> None:
-        self._do, self._followers, self._fields = library, followers, _Fields()
+        self._do, self._followers, self._fields = library, followers, LoopFields(PLACE_OF)
         self._at = self._fields.address
         self._others: Entries | None = None
         self._most_entries = 0

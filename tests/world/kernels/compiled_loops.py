@@ -19,8 +19,10 @@ from rosbridge_sim.shell.kernels.compiler import (
     load_library,
     read_source,
 )
+from rosbridge_sim.world.contacts.collisions import take_pair_loops
 from rosbridge_sim.world.followers.lane_following import LaneFollowers, take_kernels
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
+from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 
 
 def compiler() -> tuple[str, ...]:
@@ -49,11 +51,18 @@ def make_kernel() -> Callable[[LaneFollowers], LaneKernel]:
     return partial(LaneKernel, library())
 
 
+@cache
+def make_pair_kernel() -> Callable[..., PairKernel]:
+    return partial(PairKernel, library())
+
+
 @contextmanager
 def with_loops(*, are_there: bool = True) -> Iterator[None]:
-    """All worlds are driven by loops; else by arrays."""
+    """All worlds are driven, and their pairs watched, by loops; else by arrays."""
     take_kernels(make_kernel() if are_there else None)
+    take_pair_loops(make_pair_kernel() if are_there else None)
     try:
         yield
     finally:
         take_kernels(None)
+        take_pair_loops(None)
