@@ -22,7 +22,7 @@ OF_THE_SERVER = (
     *("/rosout*", "/parameter_events", "/client_count", "/connected_clients", "/rosapi/*", "/rosapi_params/*"),
     *("*/get_loggers", "*/set_logger_level", "*/*_parameters", "*/*_parameters_atomically", "*/get_parameter_types"),
     *("*/get_type_description", "*/get_logger_levels", "*/set_logger_levels", "/sim/clients", "/sim/topics"),
-    "/sim/refusals",
+    *("/sim/refusals", "/mock/*"),
 )
 """Topics and services of ROS itself, or about the clients. They are left out unless a pattern selects them."""
 
