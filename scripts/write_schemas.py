@@ -19,7 +19,7 @@ if __name__ == "__main__":
 
 from rosbridge_sim.campaigns.campaign_model import campaign_schema  # noqa: E402
 from rosbridge_sim.contracts.contract import CONTRACT  # noqa: E402
-from rosbridge_sim.document_reading import document_schema  # noqa: E402
+from rosbridge_sim.documents.document_reading import document_schema  # noqa: E402
 from rosbridge_sim.maps.signal_plan_file import plan_schema  # noqa: E402
 from rosbridge_sim.mock.mock_model import mock_schema  # noqa: E402
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402

@@ -37,7 +37,6 @@ long_text:
 weight: records
 units:
 version:
-not_json:
 junit: records
 # the wire
 schema.definitions: *
@@ -66,13 +65,8 @@ world: records world.contacts world.drivers world.followers world.geometry world
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
 # files of the user
 documents: *
-document_mistakes: * documents
-document_reading: * document_mistakes documents not_json
-xml_documents: *
-yaml_reading: * documents
-maps: * document_reading documents units world.geometry world.roads world.state xml_documents
-scenarios: * document_reading documents expressions maps units world.drivers world.geometry world.roads world.state
-    xml_documents
+maps: * documents units world.geometry world.roads world.state
+scenarios: * documents expressions maps units world.drivers world.geometry world.roads world.state
 # what sensors see
 scenery: records world.followers world.geometry world.roads world.state
 scenery.static: maps scenery world.geometry world.roads
@@ -84,15 +78,15 @@ morai.messages: * maps morai scenarios schema units world.followers world.geomet
 # the simulator
 simulator.plain: * world.state
 simulator.sync: *
-simulator.bus: * document_reading documents graph schema world.state
+simulator.bus: * documents graph schema world.state
 simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simulator.plain world world.drivers
     world.geometry world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
-simulator.sensors: * document_reading documents graph maps morai.messages scenery schema simulator.bus simulator.kernel
-    simulator.plain world.geometry world.state world.vehicle
-simulator.sensor_services: * document_reading graph simulator.bus simulator.kernel simulator.plain
-    simulator.sensors world.vehicle
+simulator.sensors: * documents graph maps morai.messages scenery schema simulator.bus simulator.kernel simulator.plain
+    world.geometry world.state world.vehicle
+simulator.sensor_services: * documents graph simulator.bus simulator.kernel simulator.plain simulator.sensors
+    world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
 simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel units world.geometry
@@ -111,9 +105,9 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving schema 
     simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.story
     simulator.sync world world.state world.vehicle
 # campaigns, without processes and files
-campaigns: * document_reading documents expressions world.geometry world.state
+campaigns: * documents expressions world.geometry world.state
 # mocks of robots, without sockets and files
-mock: * contracts document_reading documents expressions graph schema schema.definitions yaml_reading
+mock: * contracts documents expressions graph schema schema.definitions
 # the checks of a rosbridge, and of what an app relies on, without sockets
 doctor: * junit
 contracts: * documents schema.definitions
@@ -122,11 +116,11 @@ link: * protocol
 client: * link protocol
 shell.config: * graph.gateway graph.ros2 link simulator.bus
 shell.clocks: * graph
-shell.files: * document_reading documents maps morai scenarios schema schema.definitions shell.config simulator.bus
-    simulator.sensors world.state
+shell.files: * documents maps morai scenarios schema schema.definitions shell.config simulator.bus simulator.sensors
+    world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
-shell.mocking: * graph graph.peers mock protocol schema shell.bags shell.clocks shell.config shell.files
-    shell.websocket yaml_reading
+shell.mocking: * documents graph graph.peers mock protocol schema shell.bags shell.clocks shell.config shell.files
+    shell.websocket
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
@@ -151,13 +145,12 @@ campaign_runs: * campaigns environments expressions graph scenarios schema shell
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.files cli.tools link
 cli.doctor: * cli.tools doctor link
-cli.contracts: * cli.tools contracts document_reading junit link yaml_reading
-cli.tools: * client graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions shell.bags
-    shell.config shell.files shell.page shell.ros1 shell.ros2 yaml_reading
+cli.contracts: * cli.tools contracts documents junit link
+cli.tools: * client documents graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions
+    shell.bags shell.config shell.files shell.page shell.ros1 shell.ros2
 cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.drawing shell.files simulator.scene units
     world.geometry world.roads world.state
-cli.mock: * cli.contracts cli.tools contracts link mock schema shell.bags shell.files shell.mocking
-    yaml_reading
+cli.mock: * cli.contracts cli.tools contracts documents link mock schema shell.bags shell.files shell.mocking
 cli.campaigns: * campaign_runs campaigns cli.tools
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket
@@ -205,10 +198,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "scenery": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson"},
     "simulator": {"msgspec", "numpy", "orjson"},
-    "documents": {"msgspec"},
-    "document_mistakes": {"msgspec", "pydantic", "pydantic_core"},
-    "document_reading": {"msgspec"},
-    "xml_documents": {"msgspec"},
+    "documents": {"msgspec", "pydantic", "pydantic_core", "ruamel"},
     "errors": set(),
     "loose_types": set(),
     "printable": set(),
@@ -217,11 +207,9 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "expressions": set(),
     "doctor": {"cbor2", "PIL"},
     "mock": {"msgspec", "numpy", "orjson"},
-    "yaml_reading": {"ruamel"},
     "contracts": {"msgspec"},
     "junit": set(),
     "campaigns": {"msgspec", "numpy"},
-    "not_json": set(),
     "units": set(),
     "long_text": {"pybase64"},
     "weight": {"numpy"},

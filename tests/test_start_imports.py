@@ -29,9 +29,17 @@ RARE = {
         "xmlrpc",
     ),
     *("rosbridge_sim.shell.ros1", "rosbridge_sim.shell.ros2", "rosbridge_sim.maps.opendrive"),
-    *("rosbridge_sim.scenarios.events", "rosbridge_sim.scenarios.openscenario.story", "rosbridge_sim.xml_documents"),
+    *(
+        "rosbridge_sim.scenarios.events",
+        "rosbridge_sim.scenarios.openscenario.story",
+        "rosbridge_sim.documents.xml_documents",
+    ),
     *("rosbridge_sim.simulator.story.told_story", "rosbridge_sim.scenarios.openscenario.places"),
-    *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.module_joining"),
+    *(
+        "rosbridge_sim.documents.document_mistakes",
+        "rosbridge_sim.shell.attach",
+        "rosbridge_sim.shell.page.module_joining",
+    ),
     *("rosbridge_sim.campaigns", "rosbridge_sim.cli", "rosbridge_sim.environments", "rosbridge_sim.shell.rendering"),
 }
 

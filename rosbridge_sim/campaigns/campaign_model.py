@@ -11,8 +11,8 @@ from typing import Annotated, Any, Final, Literal
 
 from msgspec import Meta, field
 
-from rosbridge_sim.document_reading import document_schema, read_values
-from rosbridge_sim.documents import DocumentType, Table, about
+from rosbridge_sim.documents.document_model import DocumentType, Table, about
+from rosbridge_sim.documents.document_reading import document_schema, read_values
 from rosbridge_sim.loose_types import JsonValue
 
 MAX_RUNS: Final = 100_000

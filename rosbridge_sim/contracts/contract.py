@@ -7,7 +7,7 @@ from typing import Annotated, Final
 from msgspec import Meta, field
 
 from rosbridge_sim.contracts.seen_system import MAX_FIELDS, MAX_PATH
-from rosbridge_sim.documents import DocumentType, Table, about
+from rosbridge_sim.documents.document_model import DocumentType, Table, about
 
 MAX_TOPICS: Final = 1_000
 """Most topics, and most services, of a contract."""

@@ -12,8 +12,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from rosbridge_sim.document_reading import parse_json
-from rosbridge_sim.documents import read_text
+from rosbridge_sim.documents.document_model import read_text
+from rosbridge_sim.documents.document_reading import parse_json
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.mgeo import BORDER_FILES, FILES, INFO_FILE, MAP_FILES

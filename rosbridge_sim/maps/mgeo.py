@@ -11,8 +11,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from rosbridge_sim.document_reading import find_mistakes, read_document
-from rosbridge_sim.documents import Coordinate, Document, DocumentType
+from rosbridge_sim.documents.document_model import Coordinate, Document, DocumentType
+from rosbridge_sim.documents.document_reading import find_mistakes, read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo_lights import (
     CROSSWALK_FILES,

@@ -16,8 +16,16 @@ from typing import Annotated, Any, Final
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import find_mistakes, read_document
-from rosbridge_sim.documents import Coordinate, Document, DocumentType, Mistake, Number, Whole, number_within
+from rosbridge_sim.documents.document_model import (
+    Coordinate,
+    Document,
+    DocumentType,
+    Mistake,
+    Number,
+    Whole,
+    number_within,
+)
+from rosbridge_sim.documents.document_reading import find_mistakes, read_document
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, Lanes, read_line
 from rosbridge_sim.maps.road_map import Crosswalk

@@ -13,8 +13,16 @@ from typing import Annotated, Final
 import numpy as np
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import find_mistakes, read_document
-from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, LenientBool, Mistake, Number, text_within
+from rosbridge_sim.documents.document_model import (
+    Document,
+    DocumentType,
+    KeptAsWritten,
+    LenientBool,
+    Mistake,
+    Number,
+    text_within,
+)
+from rosbridge_sim.documents.document_reading import find_mistakes, read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.road_map import Border

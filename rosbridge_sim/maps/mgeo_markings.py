@@ -13,8 +13,8 @@ from typing import Annotated, Final
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import read_document
-from rosbridge_sim.documents import Coordinate, Document, DocumentType, Number
+from rosbridge_sim.documents.document_model import Coordinate, Document, DocumentType, Number
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, read_line
 from rosbridge_sim.maps.road_map import Marking, Sign

@@ -10,8 +10,8 @@ from typing import Annotated, Any, Final
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import document_schema, read_document
-from rosbridge_sim.documents import Document, DocumentType, number_within, text_within
+from rosbridge_sim.documents.document_model import Document, DocumentType, number_within, text_within
+from rosbridge_sim.documents.document_reading import document_schema, read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import replace

@@ -12,8 +12,8 @@ import zlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from rosbridge_sim.document_reading import check_values
-from rosbridge_sim.documents import Mistake, Place, show_json
+from rosbridge_sim.documents.document_model import Mistake, Place, show_json
+from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.expressions import Expression, Following, TopicField, Value, parse_expression
 from rosbridge_sim.loose_types import Struct

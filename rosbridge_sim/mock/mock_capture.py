@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from rosbridge_sim.contracts.seen_system import MAX_DEPTH, SeenField, SeenTopic, parent_of
-from rosbridge_sim.documents import Mistake
+from rosbridge_sim.documents.document_model import Mistake
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.mock.mock_model import MAX_TOPIC_RATE
 

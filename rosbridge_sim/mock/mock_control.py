@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rosbridge_sim.documents.yaml_reading import read_yaml
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
@@ -13,7 +14,6 @@ from rosbridge_sim.mock.mock_model import check_fault, is_plain_name
 from rosbridge_sim.mock.mock_node import MockNode
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.suggestions import hint, listing
-from rosbridge_sim.yaml_reading import read_yaml
 
 SET_FAULT = f"{CONTROL}set_fault"
 FAULTS = f"{CONTROL}faults"

@@ -11,9 +11,9 @@ from typing import Annotated, Any, Final, Literal
 
 from msgspec import Meta, field
 
-from rosbridge_sim.document_reading import check_values, document_schema
-from rosbridge_sim.documents import DocumentType, KeptAsWritten, Mistake, Table, about
-from rosbridge_sim.yaml_reading import YamlDocument
+from rosbridge_sim.documents.document_model import DocumentType, KeptAsWritten, Mistake, Table, about
+from rosbridge_sim.documents.document_reading import check_values, document_schema
+from rosbridge_sim.documents.yaml_reading import YamlDocument
 
 MAX_THINGS: Final = 2_000
 """Most topics, services, actions, parameters and transforms each."""

@@ -6,7 +6,8 @@ import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final, TypeVar
 
-from rosbridge_sim.documents import Mistake, Place
+from rosbridge_sim.documents.document_model import Mistake, Place
+from rosbridge_sim.documents.yaml_reading import YamlDocument
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.mock.message_maker import MessageMaker, fits
@@ -16,7 +17,6 @@ from rosbridge_sim.mock.value_patterns import SECOND_NS, ConstantPart, MessageTi
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.yaml_reading import YamlDocument
 
 T = TypeVar("T")
 

@@ -10,7 +10,14 @@ from typing import Annotated, Final, Literal
 
 from msgspec import Meta
 
-from rosbridge_sim.documents import MAX_DOCUMENT_COORDINATE, Coordinate, Table, about, number_within, text_within
+from rosbridge_sim.documents.document_model import (
+    MAX_DOCUMENT_COORDINATE,
+    Coordinate,
+    Table,
+    about,
+    number_within,
+    text_within,
+)
 
 MAX_EVENTS: Final = 100
 """Most events of one block."""

@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import msgspec
 
-from rosbridge_sim.document_reading import read_document
-from rosbridge_sim.documents import DocumentType
+from rosbridge_sim.documents.document_model import DocumentType
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.printable import printable

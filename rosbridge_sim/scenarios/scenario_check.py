@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from rosbridge_sim.documents import Mistake, SortedKeys, keys_beside, sort_keys
+from rosbridge_sim.documents.document_model import Mistake, SortedKeys, keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.road_map import RoadMap

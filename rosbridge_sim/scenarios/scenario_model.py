@@ -18,8 +18,7 @@ from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import document_schema, find_mistakes, read_document
-from rosbridge_sim.documents import (
+from rosbridge_sim.documents.document_model import (
     MAX_DOCUMENT_COORDINATE,
     Coordinate,
     Document,
@@ -37,6 +36,7 @@ from rosbridge_sim.documents import (
     sort_keys,
     text_within,
 )
+from rosbridge_sim.documents.document_reading import document_schema, find_mistakes, read_document
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.scenarios.event_model import ItemBlock, ScenarioBlock, VehicleBlock
 from rosbridge_sim.suggestions import hint

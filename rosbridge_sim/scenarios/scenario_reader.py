@@ -16,7 +16,7 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.documents import Document, fields_of, idle_keys
+from rosbridge_sim.documents.document_model import Document, fields_of, idle_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import replace

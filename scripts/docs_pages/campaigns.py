@@ -21,7 +21,7 @@ from rosbridge_sim.campaigns.campaign_model import (
 )
 from rosbridge_sim.campaigns.run_results import SCORES
 from rosbridge_sim.campaigns.trace import FIGURES
-from rosbridge_sim.documents import Document, fields_of
+from rosbridge_sim.documents.document_model import Document, fields_of
 from rosbridge_sim.expressions import FUNCTIONS, RUNNING
 
 _TABLES: Final[tuple[tuple[str, type[Document]], ...]] = (

@@ -8,7 +8,8 @@ from typing import Final
 
 import msgspec
 
-from rosbridge_sim.documents import Document, fields_of
+from rosbridge_sim.documents.document_model import Document, fields_of
+from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_VALUES
 from rosbridge_sim.mock.mock_capture import MAX_LIST, MAX_LONG_TEXT, MAX_WORDS
 from rosbridge_sim.mock.mock_model import (
     MAX_THINGS,
@@ -28,7 +29,6 @@ from rosbridge_sim.mock.mock_model import (
     WalkPattern,
 )
 from rosbridge_sim.mock.mock_plan import MAX_MESSAGES
-from rosbridge_sim.yaml_reading import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_VALUES
 from scripts.docs_pages.campaigns import row_of
 
 _TABLES: Final[tuple[tuple[str, type[Document]], ...]] = (

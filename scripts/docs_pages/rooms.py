@@ -57,6 +57,7 @@ PACKAGE_ROOMS: Final = Picture(
         "scenarios": ((470, 992), (225, 80), "scenario files, models"),
         "scenery": ((715, 992), (145, 80), "what sensors see"),
         "maps": ((470, 1102), (370, 80), "maps without a format, and their readers"),
+        "documents": ((40, 1212), (410, 96), "models of users' files, and their mistakes"),
         "world": ((470, 1212), (590, 96), "motion, lanes, lights, traffic: numpy"),
     },
     (1100, 1340),

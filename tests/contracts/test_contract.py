@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from rosbridge_sim.contracts.contract import CONTRACT
-from rosbridge_sim.document_reading import check_values
-from rosbridge_sim.yaml_reading import read_yaml
+from rosbridge_sim.documents.document_reading import check_values
+from rosbridge_sim.documents.yaml_reading import read_yaml
 
 HEAD = "topics:\n  /odom:\n    type: nav_msgs/Odometry\n"
 

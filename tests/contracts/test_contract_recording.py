@@ -12,7 +12,7 @@ from rosbridge_sim.contracts.contract import CONTRACT, FieldTerms
 from rosbridge_sim.contracts.contract_check import judge_contract
 from rosbridge_sim.contracts.contract_recording import contract_document, record_contract
 from rosbridge_sim.contracts.seen_system import SeenSystem, SeenTopic
-from rosbridge_sim.document_reading import check_values
+from rosbridge_sim.documents.document_reading import check_values
 from tests.contracts.test_seen_system import topic_of
 
 

@@ -8,11 +8,11 @@ import orjson
 import pytest
 from msgspec import Raw
 
+from rosbridge_sim.documents.yaml_reading import read_yaml
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.mock.mock_node import Hook, MockNode
 from rosbridge_sim.mock.mock_plan import MockFiles, MockPlan, plan_mock
 from rosbridge_sim.schema.definitions.names import Generation
-from rosbridge_sim.yaml_reading import read_yaml
 from tests.graph.bus_fixture import make_store
 from tests.graph.participants import Somebody
 

@@ -8,12 +8,12 @@ from typing import Any
 import orjson
 import pytest
 
+from rosbridge_sim.documents.yaml_reading import read_yaml
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.mock.faults import FaultTable, FaultyClient, changed
 from rosbridge_sim.mock.mock_control import FAULTS, SET_FAULT, MockControl
 from rosbridge_sim.mock.mock_model import FaultWay, check_fault
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.yaml_reading import read_yaml
 from tests.graph.bus_fixture import make_store
 from tests.mock.mock_runs import MockRun
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.documents import Mistake
+from rosbridge_sim.documents.document_model import Mistake
 from rosbridge_sim.mock.mock_capture import (
     MAX_LIST,
     MAX_LONG_TEXT,

@@ -10,13 +10,13 @@ from typing import Any
 import orjson
 import pytest
 
+from rosbridge_sim.documents.yaml_reading import read_yaml
 from rosbridge_sim.mock.mock_model import MockRecording
 from rosbridge_sim.mock.mock_plan import MockFiles, MockPlan, plan_mock
 from rosbridge_sim.mock.recorded_topics import RecordedFile, RecordedTrack, choose_topics, without_stamps
 from rosbridge_sim.mock.value_patterns import MessageTime
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
-from rosbridge_sim.yaml_reading import read_yaml
 
 DOCS = Path(__file__).parents[2] / "docs"
 STORE = Store(read_definitions("22.R2"), ros=1)

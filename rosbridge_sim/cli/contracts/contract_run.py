@@ -14,14 +14,14 @@ from rosbridge_sim.contracts.contract import CONTRACT, Contract
 from rosbridge_sim.contracts.contract_check import Claim, judge_contract
 from rosbridge_sim.contracts.contract_recording import contract_document, record_contract
 from rosbridge_sim.contracts.seen_system import SeenSystem
-from rosbridge_sim.document_reading import check_values
+from rosbridge_sim.documents.document_reading import check_values
+from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, read_yaml
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.junit import Case, write_suite
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.urls import shown_url
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import asdict
-from rosbridge_sim.yaml_reading import MAX_YAML_BYTES, read_yaml
 
 MESSAGES_FOR_RATE = 5
 

@@ -15,6 +15,7 @@ from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store, read_t
 from rosbridge_sim.cli.tools.text import Flow, demand_new, note, put_json, render, write_file
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, open_bridge
 from rosbridge_sim.contracts.seen_system import SeenTopic
+from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, YamlDocument
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.json_with_words import to_json
@@ -32,7 +33,6 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag_reader import BagTypes, open_reader, read_messages
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.suggestions import hint
-from rosbridge_sim.yaml_reading import MAX_YAML_BYTES, YamlDocument
 
 MAX_NOTED = 20
 """Lines about what is left out that are printed."""

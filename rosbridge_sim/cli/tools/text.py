@@ -198,7 +198,7 @@ def read_body(text: str, where: str) -> object:
     try:
         value = json.loads(text)  # with the words NaN and Infinity
     except (ValueError, RecursionError):
-        from rosbridge_sim.yaml_reading import read_yaml  # noqa: PLC0415 - and msgspec, which most commands do not need
+        from rosbridge_sim.documents.yaml_reading import read_yaml  # noqa: PLC0415 - and msgspec, which most commands do not need
 
         value = read_yaml(text, where, "JSON, or YAML such as '{x: 1}'").value
     try:

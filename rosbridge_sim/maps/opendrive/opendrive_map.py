@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.documents.xml_documents import Element, read_children
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION, read_projection
 from rosbridge_sim.maps.opendrive.default_signals import plan_signals
@@ -57,7 +58,6 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.surface import Surface
-from rosbridge_sim.xml_documents import Element, read_children
 
 ROOT: Final = "OpenDRIVE"
 

@@ -12,12 +12,12 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.documents.xml_documents import Element
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.opendrive.plan_view import PlanShape
 from rosbridge_sim.records import Record
 from rosbridge_sim.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry.planar import FloatArray
-from rosbridge_sim.xml_documents import Element
 
 MAX_COORDINATE: Final = 1e7
 """Largest distance from the file's own origin [m], as in MGeo maps."""

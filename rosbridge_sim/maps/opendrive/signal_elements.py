@@ -16,13 +16,13 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.documents.xml_documents import Element
 from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece, frame_at
 from rosbridge_sim.maps.opendrive.road_elements import MAX_LANE_ID, Road, is_stop_line
 from rosbridge_sim.maps.road_map import Crosswalk, Sign
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.signal_plan import Light
-from rosbridge_sim.xml_documents import Element
 
 CAR_LIGHT, WALK_LIGHT = "1000001", "1000002"
 """Types of lights with three lamps and of lights for pedestrians, in the catalogue of the country "OpenDRIVE"."""

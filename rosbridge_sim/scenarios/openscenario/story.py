@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from itertools import chain
 from typing import Final
 
+from rosbridge_sim.documents.xml_documents import Element, read_whole
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 from rosbridge_sim.scenarios.openscenario.story_items import (
@@ -22,7 +23,6 @@ from rosbridge_sim.scenarios.openscenario.story_records import MAX_STORY_BYTES, 
 from rosbridge_sim.scenarios.openscenario.story_signals import check_controllers, check_states
 from rosbridge_sim.scenarios.openscenario.storyboard import KINDS
 from rosbridge_sim.suggestions import hint
-from rosbridge_sim.xml_documents import Element, read_whole
 
 MAX_ENTITIES: Final = 1_000
 MAX_EVENTS: Final = 1_000

@@ -11,13 +11,13 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from rosbridge_sim.documents.xml_documents import Element
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Value, parse_expression
 from rosbridge_sim.printable import printable
 from rosbridge_sim.scenarios.openscenario.grammar import GRAMMAR, LEFT_OUT, AttributeRow
 from rosbridge_sim.scenarios.openscenario.story_records import Findings, StoryItem
 from rosbridge_sim.suggestions import hint
-from rosbridge_sim.xml_documents import Element
 
 MAX_NUMBER: Final = 1e9
 """Bound of all numbers: that of the world's coordinates."""

@@ -22,8 +22,8 @@ from typing import Annotated, Final
 
 from msgspec import Meta, field
 
-from rosbridge_sim.document_reading import check_values
-from rosbridge_sim.documents import Document, DocumentType, Place, about, show_json
+from rosbridge_sim.documents.document_model import Document, DocumentType, Place, about, show_json
+from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from rosbridge_sim.document_reading import parse_json
+from rosbridge_sim.documents.document_reading import parse_json
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.bounded_read import read_bounded

@@ -6,6 +6,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, YamlDocument, read_yaml
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.mock.mock_model import MockRecording
 from rosbridge_sim.mock.mock_plan import MockFiles
@@ -14,7 +15,6 @@ from rosbridge_sim.schema.plain_values import plain_message
 from rosbridge_sim.shell.bags.bag_reader import BagTypes, open_reader, read_messages
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.shell.files.definitions import Texts
-from rosbridge_sim.yaml_reading import MAX_YAML_BYTES, YamlDocument, read_yaml
 
 if TYPE_CHECKING:  # as in bag_reader
     from rosbags.interfaces import Connection

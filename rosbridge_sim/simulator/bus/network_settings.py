@@ -25,8 +25,8 @@ from typing import Annotated, Final, NoReturn, Protocol
 
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import check_values
-from rosbridge_sim.documents import DocumentType, Table, fields_of, show_json
+from rosbridge_sim.documents.document_model import DocumentType, Table, fields_of, show_json
+from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.participant import resolve
 from rosbridge_sim.loose_types import JsonValue

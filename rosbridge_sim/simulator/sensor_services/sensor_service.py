@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import msgspec
 
-from rosbridge_sim.document_reading import MistakeNotReadyError
+from rosbridge_sim.documents.document_reading import MistakeNotReadyError
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
-from rosbridge_sim.documents import number_within
+from rosbridge_sim.documents.document_model import number_within
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.scenery.camera_geometry import MAX_FISHEYE_FOV, FisheyeModel
 from rosbridge_sim.simulator.sensors.picture_sensor import Coefficient, PictureSpec

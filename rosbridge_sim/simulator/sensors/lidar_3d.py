@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 import numpy as np
 from msgspec import Meta
 
-from rosbridge_sim.documents import number_within
+from rosbridge_sim.documents.document_model import number_within
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker

@@ -15,8 +15,8 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import read_values
-from rosbridge_sim.documents import Document, DocumentType
+from rosbridge_sim.documents.document_model import Document, DocumentType
+from rosbridge_sim.documents.document_reading import read_values
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
 from rosbridge_sim.simulator.sensors.sensor_presets import read_rig

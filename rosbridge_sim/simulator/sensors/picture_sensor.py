@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from rosbridge_sim.documents import LenientBool, number_within
+from rosbridge_sim.documents.document_model import LenientBool, number_within
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.camera_geometry import CameraModel, mount

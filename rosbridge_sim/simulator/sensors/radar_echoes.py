@@ -25,7 +25,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from rosbridge_sim.documents import number_within
+from rosbridge_sim.documents.document_model import number_within
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.sensors.sensor_specs import Fov, MountedSpec, Range
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion, Vector, chain, quaternion, rotate

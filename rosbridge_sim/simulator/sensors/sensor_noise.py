@@ -26,8 +26,8 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from rosbridge_sim.document_reading import document_schema, read_document
-from rosbridge_sim.documents import DocumentType, Ratio, Table, number_within
+from rosbridge_sim.documents.document_model import DocumentType, Ratio, Table, number_within
+from rosbridge_sim.documents.document_reading import document_schema, read_document
 from rosbridge_sim.world.geometry.planar import Quaternion, Vector, chain, quaternion
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.vehicle.sensor_readings import Inertia

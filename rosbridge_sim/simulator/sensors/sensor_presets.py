@@ -14,8 +14,8 @@ from typing import Annotated, Any, Final
 import msgspec
 from msgspec import Meta
 
-from rosbridge_sim.document_reading import document_schema, learn_mistakes, parse_json, read_values
-from rosbridge_sim.documents import DocumentType, Table
+from rosbridge_sim.documents.document_model import DocumentType, Table
+from rosbridge_sim.documents.document_reading import document_schema, learn_mistakes, parse_json, read_values
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.fisheye_camera import FisheyeSpec

@@ -15,7 +15,7 @@ import math
 import re
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, TypeAlias
 
-from rosbridge_sim.documents import Table, number_within, text_within
+from rosbridge_sim.documents.document_model import Table, number_within, text_within
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.ego import Ego

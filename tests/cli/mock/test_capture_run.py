@@ -15,13 +15,13 @@ from hypothesis import strategies as st
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.cli.mock.capture_run import mock_text
+from rosbridge_sim.documents.yaml_reading import YamlDocument, read_yaml
 from rosbridge_sim.mock.mock_capture import captured_topic, leave_out_mistakes
 from rosbridge_sim.mock.mock_plan import MockFiles, plan_mock
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from rosbridge_sim.shell.files.definitions import read_definitions
-from rosbridge_sim.yaml_reading import YamlDocument, read_yaml
 from tests.cli.tool_fixture import Frame, Result, answering, other_server, run
 from tests.contracts.test_contract_recording import MESSAGES
 from tests.contracts.test_seen_system import topic_of

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.document_reading import read_document
-from rosbridge_sim.documents import Document, DocumentType, LenientBool, Number, Text, Whole
+from rosbridge_sim.documents.document_model import Document, DocumentType, LenientBool, Number, Text, Whole
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.errors import DocumentError
 
 

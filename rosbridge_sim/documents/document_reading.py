@@ -18,7 +18,7 @@ from typing import Any, Final, Literal, TypeAlias, TypeVar, Union, get_args, get
 
 import msgspec
 
-from rosbridge_sim.documents import (
+from rosbridge_sim.documents.document_model import (
     MAX_KEY_SHOWN,
     SCALARS,
     SPELLED,
@@ -31,9 +31,9 @@ from rosbridge_sim.documents import (
     read_number,
     split_marks,
 )
+from rosbridge_sim.documents.not_json import explain_not_json
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.not_json import explain_not_json
 from rosbridge_sim.printable import printable
 
 T = TypeVar("T")
@@ -90,14 +90,14 @@ def check_values(
         return _document_reader(kind)(value), []
     if is_quick and not kind.knows_mistakes:
         raise MistakeNotReadyError(f"{where(())}: there is a mistake")
-    from rosbridge_sim.document_mistakes import judge_document  # noqa: PLC0415 - a large library, rarely needed
+    from rosbridge_sim.documents.document_mistakes import judge_document  # noqa: PLC0415 - a large library, rarely needed
 
     return judge_document(kind, value, where)
 
 
 def learn_mistakes(kind: DocumentType[Any]) -> None:
     """Make what words the mistakes of a document: 95 ms in a thread, once in a process."""
-    from rosbridge_sim.document_mistakes import adapter_of  # noqa: PLC0415 - as above
+    from rosbridge_sim.documents.document_mistakes import adapter_of  # noqa: PLC0415 - as above
 
     adapter_of(kind)
 

@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from rosbridge_sim import xml_documents
+from rosbridge_sim.documents import xml_documents
+from rosbridge_sim.documents.xml_documents import Element, read_children, read_whole
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.xml_documents import Element, read_children, read_whole
 
 SMALL = b"""<?xml version="1.0"?>
 <a v="1">

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.campaigns import campaign_model
-from rosbridge_sim.document_mistakes import MAX_WRONG_OBJECTS, judge_document
-from rosbridge_sim.document_reading import _document_reader, find_mistakes
-from rosbridge_sim.documents import Document, DocumentType, Place, Table, fields_of, split_marks
+from rosbridge_sim.documents.document_mistakes import MAX_WRONG_OBJECTS, judge_document
+from rosbridge_sim.documents.document_model import Document, DocumentType, Place, Table, fields_of, split_marks
+from rosbridge_sim.documents.document_reading import _document_reader, find_mistakes
 from rosbridge_sim.maps import mgeo, mgeo_lights, mgeo_links, mgeo_markings
 from rosbridge_sim.scenarios import scenario_model
 from rosbridge_sim.shell.files import catalogue_file

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import Meta, field
 
-from rosbridge_sim.document_reading import find_mistakes, parse_json, read_document, read_values
-from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, Number, Table, Text, Whole
+from rosbridge_sim.documents.document_model import Document, DocumentType, KeptAsWritten, Number, Table, Text, Whole
+from rosbridge_sim.documents.document_reading import find_mistakes, parse_json, read_document, read_values
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios import scenario_model
 from rosbridge_sim.simulator.sensors import sensor_presets

@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from rosbridge_sim.documents import MAX_KEY_SHOWN, Place
+from rosbridge_sim.documents.document_model import MAX_KEY_SHOWN, Place
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable

@@ -30,7 +30,7 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from rosbridge_sim.documents import (
+from rosbridge_sim.documents.document_model import (
     SCALARS,
     Document,
     DocumentType,

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
+from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, read_yaml
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.yaml_reading import MAX_YAML_BYTES, read_yaml
 
 
 @pytest.mark.parametrize(

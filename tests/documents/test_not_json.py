@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.document_reading import read_document
-from rosbridge_sim.documents import Document, DocumentType
+from rosbridge_sim.documents.document_model import Document, DocumentType
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.errors import DocumentError
 
 GOOD = '{"a": "é",\n "b": 1}'
