@@ -2,7 +2,7 @@
 """Write the generated pages and pictures of the documentation.
 
     python scripts/write_docs.py           writes docs/reference/*.md, docs/images/*.svg, the walks in architecture.md,
-                                           and the arguments of Simulator in options.py
+                                           and the arguments of Simulator in options.pyi
     python scripts/write_docs.py --check   writes nothing; lists outdated files and ends with code 1
 
 Run it after a change of a setting, a definition, a topic, a service, the table of synchronous mode, an import
@@ -39,7 +39,7 @@ DOCS: Final = ROOT / "docs"
 GENERATED: Final[dict[str, Callable[[], str]]] = {
     "architecture.md": write_walks,
     "reference/flags.md": write_flags,
-    "../rosbridge_sim/shell/config/options.py": write_options,
+    "../rosbridge_sim/shell/config/options.pyi": write_options,
     "reference/campaigns.md": write_campaigns,
     "reference/mock.md": write_mock,
     "reference/environments.md": write_environments,
