@@ -19,6 +19,7 @@ from rosbridge_sim.simulator.sensors.imu import ImuSpec
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Echoes, fade
+from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.world.geometry.planar import rotate
 from tests.simulator.sensors.analytic_makers import AtOnceWorker, ManualWorker
@@ -724,6 +725,24 @@ def test_captures_that_wait_are_bounded() -> None:
     worker.finish()
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
     assert len(worker.jobs) == 4
+    with pytest.raises(FieldError, match="4 captures are being drawn already"):
+        client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
+
+
+def test_sensor_behind_one_that_is_not_due_is_read() -> None:
+    _, client = in_sync(CAMERA.changed(rate=10.0), RADAR.changed(rate=50.0))
+    client.listen(IMAGE, "/radar")
+    for _ in range(5):
+        client.tick()
+    assert [message["header"]["seq"] for message in client.messages("/radar")] == [1, 2, 3, 4, 5]
+    assert [message["header"]["seq"] for message in client.messages(IMAGE)] == [5]
+
+
+def test_ego_publishes_messages_of_the_types_of_its_sensors_alone() -> None:
+    harness, _ = in_sync(SCAN)
+    has = harness.node.component(MountedSensors).has_topic_like
+    types = ("sensor_msgs/LaserScan", "sensor_msgs/Imu", "sensor_msgs/Image", "sensor_msgs/PointCloud2")
+    assert [has(name) for name in types] == [True, True, False, False]
 
 
 # Radars of many egos
@@ -784,6 +803,7 @@ def test_frame_reads_a_bounded_number_of_radars_and_each_has_its_turn(
     assert [len(names) for names in frames] == [30, 30, 30, 30]
     assert len(set(frames[0] + frames[1])) == 60
     assert frames[:2] == frames[2:]
+    assert {one["skipped"] for one in sensors(client)["mounted"]} == {2}  # 50 Hz are asked for, in four frames
     text = "60 radars are mounted, and a frame reads at most 32: each has a turn every 2 frames, 25 Hz at most"
     assert caplog.messages.count(text) == 1
 

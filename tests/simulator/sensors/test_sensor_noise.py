@@ -99,6 +99,7 @@ def test_orientation_errors_are_about_the_axes_of_the_vehicle_and_yaw_about_that
             assert moved[:, 0].std() == pytest.approx(0.5 * 0.02, rel=0.15)
         else:
             assert moved[:, 2].std() == pytest.approx(np.hypot(0.3, 0.5) * 0.02, rel=0.15)
+            assert np.abs(moved[:, :2].mean(axis=0)).max() < 0.003  # no turn about the third axis
 
 
 def test_covariance_has_the_variances_on_its_diagonal() -> None:
