@@ -31,6 +31,8 @@ from rosbridge_sim.world.followers.lane_following import take_kernels
 from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
+from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
+from rosbridge_sim.world.people.people import take_people_loops
 
 _OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
 """No fused multiply-add: it rounds once, where numpy rounds twice."""
@@ -173,3 +175,4 @@ def take_library(path: Path) -> None:
     library = load_library(path)
     take_kernels(partial(LaneKernel, library))
     take_pair_loops(partial(PairKernel, library))
+    take_people_loops(partial(PeopleKernel, library))

@@ -30,11 +30,12 @@ from rosbridge_sim.world.lane_changes import (
     lane_change_passing,
     lane_changes,
 )
-from rosbridge_sim.world.roads import lane_conflicts, turn_shares
+from rosbridge_sim.world.people import people
+from rosbridge_sim.world.roads import lane_conflicts, paths, turn_shares
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.state.written_equations import Script, Term
 
-FILES: Final = ("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c", "pairs.c")
+FILES: Final = ("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c", "pairs.c", "people.c")
 """The files beside this one, in their order."""
 
 LOOK_WORDS: Final = 32
@@ -147,10 +148,38 @@ PLACE_OF_PAIRS: Final = {name: place for place, name in enumerate([*PAIR_NUMBERS
 PAIR_WORDS = BOX_WORDS = 17
 """Room for a pair of the list, and for a body as the list is made, in 8 bytes."""
 
+PEOPLE_NUMBERS: Final = ["n", "num_keys"]
+COLUMNS_OF_PEOPLE: Final[Mapping[str, str]] = {"D": "x y leg_start desired_speed start_within", "I": "yields"}
+OF_PEOPLE: Final[Mapping[str, str]] = {
+    "D": "path_length side stop_from start end",
+    "I": "rows base first",
+    "B": "is_loop",
+}
+"""Figures of those who walk, and of their crossings."""
+
+FOR_PEOPLE: Final[Mapping[str, str]] = {"D": "arc nearest wish slower", "I": "next asks crossing", "B": "goes"}
+FOR_PLACES: Final[Mapping[str, str]] = {"D": "goal course"}
+"""Room for what is worked out for each of them; complex numbers in the last table."""
+
+OF_PATHS: Final[Mapping[str, str]] = {"D": "segments", "I": "keys"}
+_PEOPLE_ARRAYS: Final = {
+    name: kind
+    for table in (COLUMNS_OF_PEOPLE, OF_PEOPLE, FOR_PEOPLE, FOR_PLACES, OF_PATHS)
+    for kind, names in table.items()
+    for name in names.split()
+}
+PLACE_OF_PEOPLE: Final = {name: place for place, name in enumerate([*PEOPLE_NUMBERS, *_PEOPLE_ARRAYS])}
+"""The same for the structure that the loops for people get."""
+
 FUNCTIONS: Final = {
-    **dict.fromkeys(("begin_decision", "perceive", "accelerate", "follow_wishes", "plan_wander", "nudge"), ""),
-    **dict.fromkeys(("is_anybody_changing", "look_at_lanes_beside", "look_at_headings", "steer", "list_pairs"), "I"),
+    **dict.fromkeys(
+        ("begin_decision", "perceive", "accelerate", "follow_wishes", "plan_wander", "nudge", "find_places"), ""
+    ),
+    **dict.fromkeys(
+        ("is_anybody_changing", "look_at_lanes_beside", "look_at_headings", "steer", "list_pairs", "look_at_kerbs"), "I"
+    ),
     **dict.fromkeys(("signal_changes", "take_headings", "watch_pairs", "judge_pairs"), "I I"),
+    "mind_kerbs": " I",
     **dict.fromkeys(("find_slants", "move"), " D"),
 }
 """Functions of the library: the type of the result, and that of the argument after the structure's address."""
@@ -173,6 +202,8 @@ _CONSTANTS: Final = {
     lane_change_motion: "CAR_LENGTH",
     lane_change_passing: "STANDS",
     lane_changes: "LOOK_EVERY LOOK_PARTS SPARE_ROOM SLOW",
+    people: "LOOK_AHEAD KERB_GAP AT_KERB BRAKE COMMITTED",
+    paths: "KEYS_PER_METRE",
 }
 _MORE_CONSTANTS: Final = {
     "PI": math.pi,
@@ -184,6 +215,8 @@ _MORE_CONSTANTS: Final = {
     "FAR_CELL": 1e9,
     "MAX_VISITS": 8,
     "LANE_WIDTH": lane_change_motion.LANE,
+    "LEG_COLUMNS": paths.NUM_COLUMNS,
+    **{f"LEG_{name}": getattr(paths, name) for name in ("START", "END", "X", "Y", "DX", "DY")},
     "SIGNAL_TIME": lane_change_decision.SIGNAL_FRAMES * DT,
 }
 
@@ -259,7 +292,11 @@ def write_source(files: Sequence[str]) -> str:
     """
     constants = {name: getattr(module, name) for module, names in _CONSTANTS.items() for name in names.split()}
     defined = [f"#define {name} {_literal(value)}\n" for name, value in (constants | _MORE_CONSTANTS).items()]
-    structs = _write_struct("K", NUMBERS, ARRAYS), _write_struct("P", PAIR_NUMBERS, PAIR_ARRAYS)
+    structs = [
+        _write_struct("K", NUMBERS, ARRAYS),
+        _write_struct("P", PAIR_NUMBERS, PAIR_ARRAYS),
+        _write_struct("W", PEOPLE_NUMBERS, _PEOPLE_ARRAYS),
+    ]
     return "".join([_HEAD, *defined, *structs, *(write_rule(*rule) for rule in _RULES.items()), *files])
 
 

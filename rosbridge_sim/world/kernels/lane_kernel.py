@@ -57,6 +57,9 @@ class CompiledLoops(Protocol):
     watch_pairs: Callable[[int, int], int]
     list_pairs: Callable[[int], int]
     judge_pairs: Callable[[int, int], int]
+    find_places: Callable[[int], None]
+    look_at_kerbs: Callable[[int], int]
+    mind_kerbs: Callable[[int, int], None]
 
 
 class LaneKernel:

@@ -29,7 +29,7 @@ import numpy.typing as npt
 from rosbridge_sim.world.contacts.collisions import CollisionDetector
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.many_worlds.many_roads import ManyPaths, ManyRoads, ManySignals
-from rosbridge_sim.world.roads.paths import Paths, Segments
+from rosbridge_sim.world.roads.paths import Paths
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.chance import salt_of_seeds
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
@@ -353,13 +353,11 @@ class Batch(WorldRows):
 
     def path_bases(self, rows: IntArray) -> IntArray:
         """Return for the paths of rows, (k,) int64, what `find_legs` takes."""
-        return self.path_base[rows] + self._all_paths().first_key[self._worlds(rows)]
+        return self.path_base[rows] + self.path_store.first_key[self._worlds(rows)]
 
-    def find_legs(self, bases: IntArray, arc: FloatArray) -> Segments:
-        """Return the legs at arc lengths of paths; see `Paths.find`."""
-        return self._all_paths().find(bases, arc)
-
-    def _all_paths(self) -> ManyPaths:
+    @property
+    def path_store(self) -> ManyPaths:
+        """The stores of all worlds, one after another."""
         if self._paths is None:
             self._paths = ManyPaths([_NO_PATHS if world is None else world.paths for world in self.worlds])
         return self._paths

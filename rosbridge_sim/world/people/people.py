@@ -17,7 +17,8 @@ come would arrive after it or are drivers on lanes that can stop. Once it goes, 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -142,9 +143,34 @@ def walk(world: WorldRows) -> None:
     Args:
         world: written in place.
     """
-    people = world.derived(_People)
+    people = world.derived(People)
     if people.num:
+        people.take_kernel(BACKEND.make)
         people.decide()
+
+
+class PeopleLoops(Protocol):
+    """Loops that do parts of the work of `People` for the same people, to the last bit."""
+
+    def find_places(self) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+        """See `People.find_places`."""
+
+    def mind_kerbs(self, arc: FloatArray, /) -> tuple[FloatArray, FloatArray]:
+        """See `People.mind_kerbs`."""
+
+
+class _PeopleBackend:
+    """The maker of the loops for the people of all worlds; None while arrays do their work."""
+
+    make: Callable[[People], PeopleLoops] | None = None
+
+
+BACKEND: Final = _PeopleBackend()
+
+
+def take_people_loops(make: Callable[[People], PeopleLoops] | None) -> None:
+    """Have loops work for the people of all worlds from their next decision on; None for arrays."""
+    BACKEND.make = make
 
 
 def find_ways_over(world: WorldRows) -> tuple[FloatArray, ComplexArray]:
@@ -160,7 +186,7 @@ def find_ways_over(world: WorldRows) -> tuple[FloatArray, ComplexArray]:
         which they get from their place to the other kerb in that time [m/s].
     """
     times, velocities = np.zeros(world.n), np.zeros(world.n, dtype=np.complex128)
-    people = world.derived(_People)
+    people = world.derived(People)
     if people.num:
         state, rows = world.yields[people.rows], people.rows
         # On another map a way has other crossings. Who remembers one that is no more decides anew, after the drivers.
@@ -177,7 +203,7 @@ def find_ways_over(world: WorldRows) -> tuple[FloatArray, ComplexArray]:
     return times, velocities
 
 
-class _People:
+class People:
     """The pedestrians that heed others, and what is the same at every decision.
 
     It lives until the next `World.touch`. All arrays but those of vehicles are (k,), one entry for each of them.
@@ -191,9 +217,11 @@ class _People:
         if not self.num:
             return
         rows = self.rows
-        self.base, self.length, self.is_loop = world.path_bases(rows), world.path_length[rows], world.is_loop[rows]
+        self.kernel: PeopleLoops | None = None
+        self._maker: Callable[[People], PeopleLoops] | None = None
+        self.base, self.path_length, self.is_loop = world.path_bases(rows), world.path_length[rows], world.is_loop[rows]
         self._has_loops, self._has_ends = bool(self.is_loop.any()), not self.is_loop.all()
-        self._stop_from = np.where(self.is_loop, np.inf, self.length - AT_KERB)
+        self.stop_from = np.where(self.is_loop, np.inf, self.path_length - AT_KERB)
         low, high = SIDES
         share = (world.uid[rows] * 0x9E3779B1 % 2**32) / 2**32  # even, and the same in every world
         self.side = low + (high - low) * share
@@ -220,24 +248,16 @@ class _People:
         # Those who have a crossing, and the first crossing of each.
         self._at_road = count.nonzero()[0]
         self._first_of_each = self.first[self._at_road]
-        self._round = np.where(self.is_loop, self.length, 0.0)[self.owner]
+        self._round = np.where(self.is_loop, self.path_length, 0.0)[self.owner]
 
     def decide(self) -> None:
         """Choose speeds and headings until the next decision."""
         world, rows = self.world, self.rows
+        by = self.kernel or self
+        arc, goal, course = by.find_places()
+        free_wish, wish = by.mind_kerbs(arc)
         x, y, yaw_now, speed_now, z = world.block("x", "z").take(rows, axis=1)
         place = x + 1j * y
-        arc, goal, course = self._project(x, y, place)
-        # The foot on the path, not beyond the kerb at which a pedestrian waits.
-        held = self._hold_at_kerb(arc)
-        if held is not arc:
-            arc = held
-            goal, course = self._look_along(arc)
-        # The speed that it wants: 0 while it waits for an ego, at the end of the path, and before a kerb.
-        wish = world.desired_speed[rows]
-        wish[(world.start_within[rows] > 0.0) | (arc >= self._stop_from)] = 0.0
-        free_wish = wish
-        wish = self._mind_kerb(arc, wish)
         # Social force model: (v0 e - v) / tau towards the goal, and pushes by people and by what is solid.
         way = goal - place
         towards = way / np.fmax(np.abs(way), STANDS)
@@ -270,23 +290,31 @@ class _People:
         world.leg_dx[rows], world.leg_dy[rows], world.leg_dz[rows] = np.cos(yaw), np.sin(yaw), 0.0
         world.leg_yaw[rows], world.leg_turn[rows] = yaw, 0.0
 
-    def _project(
-        self, x: FloatArray, y: FloatArray, place: ComplexArray
-    ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+    def take_kernel(self, make: Callable[[People], PeopleLoops] | None) -> None:
+        """Have what `make` returns do its part from now on; None for arrays."""
+        if make is not self._maker:
+            self._maker, self.kernel = make, None if make is None else make(self)
+
+    def find_places(self) -> tuple[FloatArray, ComplexArray, ComplexArray]:
         """Return the arc lengths of the places on the paths that belong to positions, near the last ones.
 
-        With them, what `_look_along` returns for them.
+        They are not beyond the kerb at which a pedestrian waits. With them, what `_look_along` returns for them.
         """
-        arc = self.world.leg_start[self.rows]  # of the last decision
+        world, rows = self.world, self.rows
+        x, y = world.x[rows], world.y[rows]
+        arc = world.leg_start[rows]  # of the last decision
         (here, ahead), (distance, other), is_over = self._feet(np.array([arc, self._ahead(arc, LOOK_AHEAD)]), x, y)
         arc = np.where((other < distance) | is_over[0], ahead, here)
         # On the inner side of a corner the goal may be where one stands already.
         goal, course = self._look_along(arc)
-        is_there = np.abs(goal - place) < 0.5 * LOOK_AHEAD
+        is_there = np.hypot(goal.real - x, goal.imag - y) < 0.5 * LOOK_AHEAD
         if np.count_nonzero(is_there):
             arc = np.where(is_there, self._ahead(arc, 0.25 * LOOK_AHEAD), arc)
             goal, course = self._look_along(arc)
-        return arc, goal, course
+        held = self._hold_at_kerb(arc)
+        if held is not arc:
+            goal, course = self._look_along(held)
+        return held, goal, course
 
     def _feet(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the foot points of positions on pieces of the paths, their distances, and which are at an end.
@@ -311,9 +339,9 @@ class _People:
         """Return arc lengths that are farther on; a loop begins again, another path ends."""
         there = arc + distance
         if not self._has_loops:
-            return np.asarray(np.fmin(there, self.length))
-        again = np.asarray(np.fmod(there, self.length))
-        return np.where(self.is_loop, again, np.fmin(there, self.length)) if self._has_ends else again
+            return np.asarray(np.fmin(there, self.path_length))
+        again = np.asarray(np.fmod(there, self.path_length))
+        return np.where(self.is_loop, again, np.fmin(there, self.path_length)) if self._has_ends else again
 
     def _look_along(self, arc: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Return the places to walk to from arc lengths [m], and the directions of the paths there; (k,) complex each.
@@ -393,9 +421,12 @@ class _People:
 
     # The road
 
-    def _mind_kerb(self, arc: FloatArray, wish: FloatArray) -> FloatArray:
-        """Return the speeds that are wanted, with stops at the kerb; note who begins and ends to cross."""
+    def mind_kerbs(self, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the speeds that are wanted without kerbs, and with stops there; note who begins and ends to cross."""
         world, rows = self.world, self.rows
+        # 0 while it waits for an ego, and at the end of the path.
+        wish = world.desired_speed[rows]
+        wish[(world.start_within[rows] > 0.0) | (arc >= self.stop_from)] = 0.0
         state = world.yields[rows]
         owner, number = self.owner, self.number
         # The distance to each kerb, and the crossing that is next on the way: the nearest kerb that is not behind.
@@ -417,12 +448,12 @@ class _People:
         state[entered] = COMMITTED + next_of[entered]
         asks = ((state < COMMITTED) & (nearest < AT_KERB) & (wish > 0.0)).nonzero()[0]
         if len(asks):
-            goes = asks[self._may_cross(asks, self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
+            goes = asks[self.may_cross(asks, self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
             state[goes] = COMMITTED + next_of[goes]
         world.yields[rows] = state
         room = nearest - KERB_GAP
         stop = np.sqrt(2.0 * BRAKE * np.fmax(room, 0.0))
-        return np.where(state < COMMITTED, np.fmin(wish, stop), wish)
+        return wish, np.where(state < COMMITTED, np.fmin(wish, stop), wish)
 
     def _hold_at_kerb(self, arc: FloatArray) -> FloatArray:
         """Return arc lengths before the kerb for those who may not cross: near a corner a place has several."""
@@ -436,7 +467,7 @@ class _People:
             np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
         return arc
 
-    def _may_cross(self, asks: IntArray, crossing: IntArray, speed: FloatArray) -> BoolArray:
+    def may_cross(self, asks: IntArray, crossing: IntArray, speed: FloatArray) -> BoolArray:
         """Return who may begin to cross, (a,).
 
         Args:

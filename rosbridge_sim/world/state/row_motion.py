@@ -47,9 +47,10 @@ class RowMotion(WorldRows):
         """Return the routes of rows, in rows of the lanes of `roads`; an empty list if no entity has one."""
         return [self.routes.get(uid, NO_ROUTE) for uid in self.uid[rows].tolist()] if self.routes else []
 
-    def find_legs(self, bases: IntArray, arc: FloatArray) -> Segments:
-        """Return the legs at arc lengths of paths; see `Paths.find`."""
-        return self.paths.find(bases, arc)
+    @property
+    def path_store(self) -> Paths:
+        """See `WorldRows.path_store`."""
+        return self.paths
 
     def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
         """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.roads.paths import Paths, Segments
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
@@ -164,6 +165,11 @@ class WorldRows(EntityArrays, ABC):
         """Return for the paths of rows, (k,) int64, what `find_legs` takes."""
         return self.path_base[rows]
 
+    @property
     @abstractmethod
-    def find_legs(self, bases: IntArray, arc: FloatArray) -> FloatArray:
+    def path_store(self) -> Paths:
+        """The store of the paths of all rows."""
+
+    def find_legs(self, bases: IntArray, arc: FloatArray) -> Segments:
         """Return the legs at arc lengths of paths; see `Paths.find`."""
+        return self.path_store.find(bases, arc)

@@ -23,6 +23,8 @@ from rosbridge_sim.world.contacts.collisions import take_pair_loops
 from rosbridge_sim.world.followers.lane_following import LaneFollowers, take_kernels
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
+from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
+from rosbridge_sim.world.people.people import People, take_people_loops
 
 
 def compiler() -> tuple[str, ...]:
@@ -56,13 +58,20 @@ def make_pair_kernel() -> Callable[..., PairKernel]:
     return partial(PairKernel, library())
 
 
+@cache
+def make_people_kernel() -> Callable[[People], PeopleKernel]:
+    return partial(PeopleKernel, library())
+
+
 @contextmanager
 def with_loops(*, are_there: bool = True) -> Iterator[None]:
     """All worlds are driven, and their pairs watched, by loops; else by arrays."""
     take_kernels(make_kernel() if are_there else None)
     take_pair_loops(make_pair_kernel() if are_there else None)
+    take_people_loops(make_people_kernel() if are_there else None)
     try:
         yield
     finally:
         take_kernels(None)
         take_pair_loops(None)
+        take_people_loops(None)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.people.crossings import Crossings, find_crossings
-from rosbridge_sim.world.people.people import COMMITTED, _People, find_ways_over, walk
+from rosbridge_sim.world.people.people import COMMITTED, People, find_ways_over, walk
 from rosbridge_sim.world.roads.paths import DX, DY, START, X, Y
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
@@ -228,7 +228,7 @@ def test_vehicle_endangers_a_crossing_from_any_side_and_at_any_angle_as_one_by_o
     else:
         row = world.row(world.spawn(Kind.EGO, body, name="ego", x=middle, y=0.0))
     person = Crosser(world, world.row(uid))
-    people = world.derived(_People)
+    people = world.derived(People)
     one, speed = np.zeros(1, dtype=np.int64), np.array([1.2])
     found, expected = [], []
     for _ in range(300):

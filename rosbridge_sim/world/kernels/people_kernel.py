@@ -1,0 +1,56 @@
+"""Places of people on their paths, and kerbs, by loops in C, to the last bit as by arrays. Pushes stay with numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray
+from rosbridge_sim.world.kernels.c_source import (
+    COLUMNS_OF_PEOPLE,
+    FOR_PEOPLE,
+    FOR_PLACES,
+    OF_PATHS,
+    OF_PEOPLE,
+    PLACE_OF_PEOPLE,
+)
+from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
+from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.people.people import People
+
+
+class PeopleKernel:
+    """See the head of this file. It lives as long as the people.
+
+    Args:
+        library: the loops.
+        people: written.
+    """
+
+    def __init__(self, library: CompiledLoops, people: People) -> None:
+        self._do, self._people = library, people
+        self._fields = fields = LoopFields(PLACE_OF_PEOPLE)
+        fields.copy(people.world, COLUMNS_OF_PEOPLE)
+        fields.copy(people, OF_PEOPLE)
+        fields.make(FOR_PEOPLE, people.num)
+        fields.make(FOR_PLACES, 2 * people.num)
+        fields["n"] = people.num
+        self._goal, self._course = (fields.arrays[name].view(np.complex128) for name in ("goal", "course"))
+
+    def find_places(self) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+        """See `People.find_places`."""
+        paths = self._people.world.path_store
+        self._fields.copy(paths, OF_PATHS)
+        self._fields["num_keys"] = paths.num
+        self._do.find_places(self._fields.address)
+        return self._fields.arrays["arc"], self._goal, self._course
+
+    def mind_kerbs(self, _arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `People.mind_kerbs`."""
+        at, arrays, people = self._fields.address, self._fields.arrays, self._people
+        num = self._do.look_at_kerbs(at)
+        if num:
+            asks = arrays["asks"][:num]
+            speed = people.world.desired_speed[people.rows[asks]]
+            arrays["goes"][:num] = people.may_cross(asks, arrays["crossing"][:num], speed)
+        self._do.mind_kerbs(at, num)
+        return arrays["wish"], arrays["slower"]
