@@ -67,6 +67,22 @@ def test_same_seed_gives_the_same_episode() -> None:
         }
 
 
+def test_spaces_of_an_agent_are_its_own_and_one_ego_needs_no_lane_to_begin_on() -> None:
+    env = DrivingParallelEnv(2, render_mode="rgb_array")
+    for spaces in (env.observation_space, env.action_space):
+        assert spaces("ego_0") == spaces("ego_1")
+        assert spaces("ego_0") is not spaces("ego_1")
+    _, infos = env.reset(seed=0)
+    assert [info["speed"] for info in infos.values()] == pytest.approx([5.0, 5.0])
+    picture = env.render()
+    assert picture is not None
+    assert picture.shape == (400, 600, 3)
+    one = DrivingParallelEnv(1, scenario="loop")
+    one.reset(seed=0)
+    assert one.agents == ["ego_0"]
+    assert one.render() is None
+
+
 def test_wrong_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="start_lane: expected the lanes on which several egos begin"):
         DrivingParallelEnv(2, scenario="loop")

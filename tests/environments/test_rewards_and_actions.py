@@ -242,6 +242,16 @@ def test_ego_stands_in_its_bay(away: float, turn: float, speed: float, is_there:
     assert not found.is_wrong_way.any()
 
 
+def test_speed_of_a_goal_is_along_the_axes_of_the_map_with_the_slip_of_the_ego() -> None:
+    still, moving = worlds_of({"yaw": 0.5, "speed": 3.0}), worlds_of({"yaw": 0.0, "speed": 1.0})
+    world = still.world(0)
+    world.lateral_speed[world.rows(Kind.EGO)] = 0.8
+    unit = float(achieved_goals(moving)[0, 0, 2])
+    cos, sin = math.cos(0.5), math.sin(0.5)
+    wanted = [unit * (3.0 * cos - 0.8 * sin), unit * (3.0 * sin + 0.8 * cos)]
+    assert achieved_goals(still)[0, 0, 2:4].tolist() == pytest.approx(wanted, rel=1e-5)
+
+
 def test_goal_without_a_bay_is_refused() -> None:
     for goal in ({}, {"goal": "lane", "goal_lane": "*"}):
         with pytest.raises(ValueError, match="observation: Goal needs goal='bay'"):
