@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.maps.opendrive.plan_view import SHORT, Cubics, place_on
+from rosbridge_sim.maps.opendrive.plan_view import SHORT, Cubics, cubic_at, place_on, point_on
 from rosbridge_sim.maps.opendrive.road_elements import (
     MAX_COORDINATE,
     MAX_LENGTH,
@@ -322,9 +322,8 @@ class RoadLayouts:
 
 def frame_at(road: Road, s: float, t: float) -> tuple[float, float, float, float]:
     """Return x, y, z [m] of a place beside a road's reference line, and the direction of the road there [rad]."""
-    at = np.array([s])
-    x, y, heading = (float(each[0]) for each in place_on(road.shapes, at))
-    z, roll = Cubics([road.elevation, road.roll]).at(at)[:, 0].tolist()
+    x, y, heading = point_on(road.shapes, s)
+    z, roll = cubic_at(road.elevation, s), cubic_at(road.roll, s)
     flat = t * math.cos(roll)
     return x - flat * math.sin(heading), y + flat * math.cos(heading), z + t * math.sin(roll), heading
 

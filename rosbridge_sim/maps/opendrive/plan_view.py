@@ -8,8 +8,10 @@ heights, ...) hold from their own s to the next one; their variable is the dista
 from __future__ import annotations
 
 import math
+from bisect import bisect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
+from operator import attrgetter, itemgetter
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -80,6 +82,27 @@ def place_on(shapes: Sequence[PlanShape], s: FloatArray) -> tuple[FloatArray, Fl
         if first < end:
             found[:, first:end] = _follow(shape, s[first:end])
     return found[0], found[1], found[2]
+
+
+def point_on(shapes: Sequence[PlanShape], s: float) -> list[float]:
+    """Return x, y [m] and heading [rad] of one place, as `place_on` for many.
+
+    It and `cubic_at` search without numpy, which gives up the interpreter's lock in each search, for a moment too short
+    for another thread to take it, and that thread then begins to wait anew. The lights of a large map would hold up an
+    event loop for 100 ms.
+    """
+    shape = shapes[max(bisect(shapes, s, key=attrgetter("s")) - 1, 0)]
+    return [float(each[0]) for each in _follow(shape, np.array([s]))]
+
+
+def cubic_at(table: FloatArray, s: float) -> float:
+    """Return the value of one table of polynomials, as for `Cubics`, at one place [m]."""
+    records = table.tolist()
+    if not records:
+        return 0.0
+    start, a, b, c, d = records[max(bisect(records, s, key=itemgetter(0)) - 1, 0)]
+    away = s - start
+    return float(a + away * (b + away * (c + away * d)))
 
 
 def _follow(shape: PlanShape, s: FloatArray) -> Local:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from operator import attrgetter, itemgetter
 from typing import Final
 
@@ -29,6 +30,10 @@ MAX_CURVATURE: Final = 100.0
 """Greatest curvature of a shape [1/m]: exporters write corners of a few centimetres."""
 
 MAX_LANE_ID: Final = 200
+
+SHARED: Final = 4096
+"""Marks and tables of polynomials that are kept for lanes with the same ones: most have. Each is an object less to make
+and to free; a large map is freed at once, while the event loop waits."""
 
 MPH_TO_MPS: Final = 0.44704
 _UNITS: Final = {"m/s": 1.0, "km/h": KMH_TO_MPS, "mph": MPH_TO_MPS}
@@ -362,7 +367,10 @@ def _read_lane(element: Element) -> LaneElement:
 
 
 def _read_mark(element: Element) -> RoadMark:
-    return RoadMark(element.number("sOffset", 0.0), element.word("type", "none"), element.word("color", "standard"))
+    return _mark(element.number("sOffset", 0.0), element.word("type", "none"), element.word("color", "standard"))
+
+
+_mark: Final = lru_cache(SHARED)(RoadMark)
 
 
 _BY_S: Final = attrgetter("s")
@@ -388,8 +396,13 @@ def _cubics(elements: Iterable[Element], key: str = "s") -> FloatArray:
         row = one.numbers((key, "a", "b", "c", "d"))
         if not 0.0 <= row[0] <= MAX_LENGTH:
             one.number(key, 0.0, 0.0, MAX_LENGTH)  # tells it
-        rows.append(row)
+        rows.append(tuple(row))
     rows.sort(key=itemgetter(0))
+    return _table(tuple(rows))
+
+
+@lru_cache(SHARED)
+def _table(rows: tuple[tuple[float, ...], ...]) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, 5)
 
 

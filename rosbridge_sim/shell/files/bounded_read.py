@@ -6,6 +6,7 @@ import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from time import sleep
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, file_errors
@@ -33,12 +34,21 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     return content
 
 
-PIECE: Final = 2**16
-"""Size of a piece [bytes]: a parser takes about a millisecond for it, so that other threads are soon served."""
+PIECE: Final = 2**15
+"""Size of a piece [bytes]: a reader of maps takes about five milliseconds for it."""
+
+TURN: Final = 2e-4
+"""Pause after each piece [s], in which a thread that waits for the interpreter takes its lock.
+
+The reader gives the lock up in calls of numpy too, but for microseconds: the other thread wakes up too late, and begins
+to wait anew. An event loop waited for 200 ms so. A thread on another core wakes up within 100 microseconds.
+"""
 
 
 def read_in_pieces(path: Path, max_bytes: int) -> Iterator[bytes]:
-    """Yield a file's content in pieces of at most `PIECE` bytes; nothing longer is in memory.
+    """Yield a file's content in pieces of at most `PIECE` bytes; other threads have a turn after each.
+
+    Nothing longer than a piece is in memory.
 
     Raises:
         DocumentError: as for `read_bounded`; a file that is too long is known before its first piece.
@@ -53,6 +63,7 @@ def read_in_pieces(path: Path, max_bytes: int) -> Iterator[bytes]:
         while left > 0 and (piece := file.read(min(PIECE, left))):
             left -= len(piece)
             yield piece
+            sleep(TURN)
 
 
 def _open_at_once(path: str, flags: int) -> int:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.maps.opendrive.plan_view import Cubics, PlanShape, find_torn_joints, place_on
+from rosbridge_sim.maps.opendrive.plan_view import Cubics, PlanShape, cubic_at, find_torn_joints, place_on, point_on
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 S = np.linspace(0.0, 60.0, 121)
@@ -109,3 +109,13 @@ def test_tables_at_the_same_places_have_the_values_of_a_search_in_each() -> None
                 held = [row for row in table.tolist() if row[0] <= s] or table[:1].tolist() or [[0.0] * 5]
                 start, a, b, c, d = held[-1]
                 assert value == pytest.approx(a + b * (s - start) + c * (s - start) ** 2 + d * (s - start) ** 3)
+
+
+def test_one_place_has_the_bits_of_many() -> None:
+    shapes = [PlanShape(0.0, 0.0, 0.0, 0.3, 10.0, "line"), PlanShape(10.0, 5.0, 100.0, 0.1, 10.0, "arc", (0.05,))]
+    tables = [np.array([[0.0, 1.0, 0.5, 0.1, 0.2], [10.0, 6.0, 0.3, 0.1, 0.01], [10.0, 7.0, 0.3, 0.1, 0.01]])]
+    tables += [tables[0][1:], np.zeros((0, 5))]
+    for s in (-1.0, 0.0, 3.7, 10.0, 12.3, 21.0):
+        at = np.array([s])
+        assert point_on(shapes, s) == [float(each[0]) for each in place_on(shapes, at)]
+        assert [cubic_at(table, s) for table in tables] == Cubics(tables).at(at)[:, 0].tolist()

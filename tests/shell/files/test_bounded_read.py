@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.files.bounded_read import PIECE, read_bounded, read_in_pieces
+from rosbridge_sim.shell.files import bounded_read
+from rosbridge_sim.shell.files.bounded_read import PIECE, TURN, read_bounded, read_in_pieces
 
 
 def test_file_is_read_up_to_its_bound(tmp_path: Path) -> None:
@@ -48,3 +49,12 @@ def test_file_comes_in_pieces_up_to_its_length(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(DocumentError, match="expected a file, got a pipe"):
         next(read_in_pieces(tmp_path / "pipe", 1_000))
+
+
+def test_other_threads_have_a_turn_after_each_piece(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    turns: list[float] = []
+    monkeypatch.setattr(bounded_read, "sleep", turns.append)
+    path = tmp_path / "a"
+    path.write_bytes(bytes(3 * PIECE))
+    seen = [len(turns) for _ in read_in_pieces(path, 1_000_000)]
+    assert (seen, turns) == ([0, 1, 2], [TURN] * 3)
