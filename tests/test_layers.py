@@ -59,8 +59,8 @@ world.people: records world.geometry world.roads world.state
 world.drivers: records world.geometry world.roads world.state
 world.lane_changes: records world.drivers world.geometry world.roads world.state
 world.followers: records world.drivers world.geometry world.lane_changes world.people world.roads world.state
-world.kernels: world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
-    world.state
+world.kernels: records world world.contacts world.drivers world.followers world.geometry world.lane_changes world.people
+    world.roads world.state world.vehicle
 world: records world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
     world.state world.vehicle
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
@@ -125,7 +125,7 @@ shell.mocking: * documents graph graph.peers mock protocol schema shell.bags she
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
-shell.kernels: errors version world.contacts world.followers world.kernels world.people
+shell.kernels: errors version world world.contacts world.followers world.kernels world.people
 shell.page: * schema simulator.markers simulator.plain simulator.sim_services version
 shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell.kernels shell.page shell.transport version

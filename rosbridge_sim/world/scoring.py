@@ -29,7 +29,8 @@ Nothing depends on rows or on the other egos: many egos together get the bits th
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -115,6 +116,27 @@ class Score(Record):
     rms_lateral_accel: float
 
 
+class Loops(Protocol):
+    """Compiled loops that do the work of `judge` for one set of rows, to the last bit."""
+
+    def judge(self, before: Before) -> bool:
+        """Do what `judge` does; return False if arrays must do it, and nothing has changed."""
+
+
+class _Backend:
+    """The maker of the loops that judge the egos of all worlds; None while arrays do."""
+
+    make: Callable[[WorldRows], Loops] | None = None
+
+
+BACKEND: Final = _Backend()
+
+
+def take_loops(make: Callable[[WorldRows], Loops] | None) -> None:
+    """Have loops judge the egos of all worlds from the next step on; None for arrays."""
+    BACKEND.make = make
+
+
 def remember(world: WorldRows) -> Before:
     """Store what `judge` wants of the world as a step begins."""
     return Before(world.uid.copy(), world.accel.copy(), world.contacts)
@@ -130,22 +152,24 @@ def judge(world: WorldRows, before: Before) -> None:
     rows = world.rows(Kind.EGO)
     if not len(rows):
         return
+    if BACKEND.make is not None and len(world.roads) and world.derived(BACKEND.make).judge(before):
+        return
     at = run_of(rows)
     poses = world.derived(CollisionDetector).poses[:, :, at]
     start, end = poses
     world.score_frames[at] += 1
     world.score_distance[at] += np.abs(start[POSE_SPEED] + end[POSE_SPEED]) * (0.5 * DT)
-    _count_contacts(world, rows, before.contacts)
+    count_contacts(world, rows, before.contacts)
     _judge_comfort(world, rows, at, before)
     times = find_times_to_collision(world, rows)
     world.time_to_collision[at] = times
     world.min_time_to_collision[at] = np.fmin(world.min_time_to_collision[at], times)
     if len(world.roads):
-        headings, places = _unit(poses[:, POSE_YAW].copy()), poses[:, POSE_X] + 1j * poses[:, POSE_Y]
+        headings, places = unit(poses[:, POSE_YAW].copy()), poses[:, POSE_X] + 1j * poses[:, POSE_Y]
         centre = world.centre[at]
         _judge_lanes(world, rows, at, places[1] + centre * headings[1], headings[1])
         noses = places + (world.half_length[at] + centre) * headings
-        _judge_lines(world, rows, (noses[0], noses[1]), headings[1])
+        judge_lines(world, rows, (noses[0], noses[1]), headings[1])
 
 
 def read_score(world: WorldRows, row: int) -> Score:
@@ -186,7 +210,7 @@ def _root(mean_square: float) -> float:
     return math.sqrt(max(mean_square, 0.0))
 
 
-def _count_contacts(world: WorldRows, rows: IntArray, before: IntArray) -> None:
+def count_contacts(world: WorldRows, rows: IntArray, before: IntArray) -> None:
     """Count the contacts that were not there one step before, and keep the ids."""
     world.has_collided[rows] = False
     now = world.contacts
@@ -299,7 +323,7 @@ def _judge_lanes(
     if np.count_nonzero(comes_left | comes_right):  # rare
         comes_left &= roads.left[places.lane] < 0
         comes_right &= roads.right[places.lane] < 0
-        counts = roads.derived(_Edges).are_at(world, places) & (former >= 0)
+        counts = roads.derived(Edges).are_at(world, places) & (former >= 0)
         world.num_lane_invasions[rows] += (comes_left & counts).astype(np.int64) + (comes_right & counts)
     world.is_over_left[at], world.is_over_right[at] = is_left, is_right
 
@@ -310,8 +334,12 @@ def _judge_lanes(
     world.max_lane_offset[at] = np.fmax(world.max_lane_offset[at], amount)
 
 
-class _Edges:
-    """Painted edges of the lanes of a map."""
+class Edges:
+    """Painted edges of the lanes of a map.
+
+    Attributes:
+        first, last: (l,) between these arc lengths there are edges, where no lights are [m].
+    """
 
     def __init__(self, roads: Roads) -> None:
         num = np.diff(roads.first_successor)
@@ -319,17 +347,17 @@ class _Edges:
         num_before = np.bincount(roads.successor, minlength=len(roads))
         is_fork = np.bincount(roads.successor, num[owner] > 1, len(roads)) > 0.0
         is_join = np.bincount(owner, num_before[roads.successor] > 1, len(roads)) > 0.0
-        self._first = np.where(is_fork, NO_EDGES, 0.0)
-        self._last = roads.length - np.where(is_join, NO_EDGES, 0.0)
+        self.first = np.where(is_fork, NO_EDGES, 0.0)
+        self.last = roads.length - np.where(is_join, NO_EDGES, 0.0)
 
     def are_at(self, world: WorldRows, places: LanePlaces) -> BoolArray:
         """Return (k,) whether there are edges at places on lanes."""
         lane = places.lane
         is_outside = world.signals.plan.controller_of_lane[lane] < 0
-        return (places.s >= self._first[lane]) & (places.s <= self._last[lane]) & is_outside
+        return (places.s >= self.first[lane]) & (places.s <= self.last[lane]) & is_outside
 
 
-def _judge_lines(
+def judge_lines(
     world: WorldRows, rows: IntArray, nose: tuple[ComplexArray, ComplexArray], heading: ComplexArray
 ) -> None:
     """Count stop lines and red lights passed.
@@ -366,6 +394,6 @@ def _judge_lines(
     world.open_reds[those[is_open]] = red[is_open]
 
 
-def _unit(yaw: FloatArray) -> ComplexArray:
+def unit(yaw: FloatArray) -> ComplexArray:
     """Return headings [rad] as complex unit vectors."""
     return np.asarray(np.cos(yaw) + 1j * np.sin(yaw))

@@ -32,7 +32,9 @@ from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
+from rosbridge_sim.world.kernels.score_kernel import ScoreKernel, measures_alike
 from rosbridge_sim.world.people.people import take_people_loops
+from rosbridge_sim.world.scoring import take_loops
 
 _OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
 """No fused multiply-add: it rounds once, where numpy rounds twice."""
@@ -176,3 +178,5 @@ def take_library(path: Path) -> None:
     take_kernels(partial(LaneKernel, library))
     take_pair_loops(partial(PairKernel, library))
     take_people_loops(partial(PeopleKernel, library))
+    if measures_alike(library):
+        take_loops(partial(ScoreKernel, library))

@@ -61,9 +61,25 @@ def find_times_to_collision(world: WorldRows, rows: IntArray) -> FloatArray:
     Returns:
         (k,) 0 while they touch, inf for none within `HORIZON` [s].
     """
-    times = np.full(len(rows), np.inf)
     is_one = world.world_of_row is None or world.num_worlds == 1
-    i, pairs, motion = _near(world, rows) if is_one else _near_in_many_worlds(world, rows)
+    return _times_of(world, len(rows), *(_near(world, rows) if is_one else _near_in_many_worlds(world, rows)))
+
+
+def find_times_of_pairs(world: WorldRows, num: int, i: IntArray, pairs: IntArray) -> FloatArray:
+    """Return what `find_times_to_collision` returns, if all pairs that touch within the horizon are known.
+
+    Args:
+        world: read only.
+        num: number of rows whose times are wanted.
+        i: (m,) int64, of which of these each pair is.
+        pairs: (2, m) int64, these rows, and those of the others.
+    """
+    return _times_of(world, num, i, pairs, _move(world, pairs))
+
+
+def _times_of(world: WorldRows, num: int, i: IntArray, pairs: IntArray, motion: ComplexArray) -> FloatArray:
+    """Return the least time of each of `num` rows; see `find_times_of_pairs`, and `_move` for `motion`."""
+    times = np.full(num, np.inf)
     at = _do_meet(world, pairs, motion).nonzero()[0] if len(i) else i
     if not len(at):
         return times

@@ -132,6 +132,11 @@ class SegmentSearch:
         self._high = np.maximum.reduceat(np.maximum(segments.start, segments.end), self._first)
         self._grid: BlockGrid | None = None
 
+    @property
+    def blocks(self) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
+        """Low and high corners of all blocks, (b, 2) [m], their first segments and their sizes, (b,)."""
+        return self._low, self._high, self._first, self._size
+
     def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
         """Return the nearest segment for each place, (n,) int64; of equally near ones the first.
 

@@ -11,7 +11,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from rosbridge_sim.world.contacts import collisions
+from rosbridge_sim.world import scoring
+from rosbridge_sim.world.contacts import collisions, time_to_collision
 from rosbridge_sim.world.drivers import (
     driver_model,
     driver_parameters,
@@ -22,7 +23,7 @@ from rosbridge_sim.world.drivers import (
 )
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD
 from rosbridge_sim.world.followers import lane_following
-from rosbridge_sim.world.geometry import near_pairs
+from rosbridge_sim.world.geometry import near_pairs, segment_cells, segment_search
 from rosbridge_sim.world.lane_changes import (
     lane_change_decision,
     lane_change_model,
@@ -31,11 +32,14 @@ from rosbridge_sim.world.lane_changes import (
     lane_changes,
 )
 from rosbridge_sim.world.people import people
-from rosbridge_sim.world.roads import lane_conflicts, paths, turn_shares
+from rosbridge_sim.world.roads import lane_conflicts, paths, roads, turn_shares
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.state.written_equations import Script, Term
 
-FILES: Final = ("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c", "pairs.c", "people.c")
+FILES: Final = (
+    *("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c", "pairs.c", "people.c"),
+    "scores.c",
+)
 """The files beside this one, in their order."""
 
 LOOK_WORDS: Final = 32
@@ -108,16 +112,53 @@ FOR_LANES: Final[Mapping[str, str]] = {
 }
 FOR_LOOKS: Final[Mapping[str, str]] = {"void": "looks"}
 
+SCORE_COLUMNS: Final[Mapping[str, str]] = {
+    "D": "x y yaw z speed accel lateral_speed lateral_accel centre half_length half_width score_distance jerk max_jerk"
+    " jerk_square_sum max_lateral_accel lateral_accel_square_sum lane_offset lane_offset_sum max_lane_offset"
+    " time_to_collision",
+    "I": "uid score_frames road_frames off_road_frames num_lane_invasions near_lane open_line",
+    "B": "alive has_passed_red is_off_road is_over_left is_over_right",
+}
+"""Columns of the world that scores need."""
+
+SCORE_ROADS: Final[Mapping[str, str]] = {
+    "D": "length legs_per_metre s leg_end_of chain base points curve border",
+    "I": "first last_leg segment_of_point",
+}
+OF_SEGMENTS: Final[Mapping[str, str]] = {
+    "D": "segment_start segment_direction segment_angle segment_height segment_slope edges_from edges_to lines"
+    " edge_reach",
+    "I": "segment_lane segment_point controller left_lane right_lane",
+}
+"""The lanes of the map as scores see them: segments, what is known of cells, edges that count, and stop lines."""
+
+OF_BLOCKS: Final[Mapping[str, str]] = {
+    "D": "block_low block_high kept_cost",
+    "I": "block_first block_size cells cell_segment",
+}
+"""Boxes of segments, and what is kept of cells."""
+
+FOR_EGOS: Final[Mapping[str, str]] = {
+    "D": "slope_below to_left to_right s_below lateral_below yaw_below beyond",
+    "I": "lane_below",
+    "B": "is_on",
+}
+OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel turned", "I": "before_uid pair_ego pair_row"}
+"""Room for what is worked out for each ego, and what a step hands over."""
+
 NUMBERS: Final = [
     *("n", "stride", "num_lanes", "num_in_map", "num_points", "num_others", "num_leaving", "num_moving"),
     *("num_entries", "num_bounds", "num_looks", "num_wandering", "num_shifted"),
     *("has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
+    *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat"),
+    *("num_blocks", "num_cells", "num_kept", "cell_room"),
 ]
 """Whole numbers of the structure."""
 
 _TABLES: Final = (
     *(COLUMNS, OF_ROADS, OF_CONFLICTS, OF_NEIGHBOURS, OF_JOINS, OF_MAP, OF_DRIVERS, OF_ENTRIES),
     *(FOR_DRIVERS, FOR_QUEUE, FOR_LANES, FOR_LOOKS),
+    *(SCORE_COLUMNS, SCORE_ROADS, OF_SEGMENTS, OF_BLOCKS, FOR_EGOS, OF_STEP),
 )
 ARRAYS: Final = {name: kind for table in _TABLES for kind, names in table.items() for name in names.split()}
 """All arrays, with the type of their numbers in C."""
@@ -181,6 +222,8 @@ FUNCTIONS: Final = {
     **dict.fromkeys(("signal_changes", "take_headings", "watch_pairs", "judge_pairs"), "I I"),
     "mind_kerbs": " I",
     **dict.fromkeys(("find_slants", "move"), " D"),
+    **dict.fromkeys(("list_headings", "measure"), ""),
+    **dict.fromkeys(("find_meetings", "find_lanes_below", "judge_egos"), "I"),
 }
 """Functions of the library: the type of the result, and that of the argument after the structure's address."""
 
@@ -204,8 +247,37 @@ _CONSTANTS: Final = {
     lane_changes: "LOOK_EVERY LOOK_PARTS SPARE_ROOM SLOW",
     people: "LOOK_AHEAD KERB_GAP AT_KERB BRAKE COMMITTED",
     paths: "KEYS_PER_METRE",
+    roads: "LEVEL",
+    time_to_collision: "HORIZON",
+    scoring: "BACK_INSIDE SIDEWAYS",
+    segment_cells: "CELL SECTORS MAX_NUMBER MAX_LEVEL FARTHEST HIGHEST MAX_CELLS MORE",
+    segment_search: "TURN_COST HEIGHT_COST SAME_HEIGHT",
 }
+CELL_PLACES: Final = 1 << 17
+"""Places in the table of cells, of which half are used at most."""
+
+CELL_WORDS: Final = 4
+"""Whole numbers of a place: key, first segment, number of segments, and one that is free."""
+
+AROUND_KEY: Final = 1 << 61
+"""What keys of the lanes around a cell have more than those of the nearest ones."""
+
+MORE_PAIRS: Final = 62
+"""Pairs that may meet within the horizon, besides two for each ego, so that loops take them."""
+
 _MORE_CONSTANTS: Final = {
+    "DT": DT,
+    "NUM_PLACES": CELL_PLACES,
+    "CELL_WORDS": CELL_WORDS,
+    "AROUND_KEY": AROUND_KEY,
+    "MORE_PAIRS": MORE_PAIRS,
+    "NEAR_LANES": segment_cells.AROUND,
+    "CORNER": math.sqrt(0.5) * segment_cells.CELL,
+    "CELL_LEVEL": segment_cells.LEVEL,
+    "BESIDE_LANE": segment_search.BESIDE,
+    "BESIDE_END": scoring.BESIDE,
+    "LINE_REACH": 50.0,  # a stop line and a step are shorter
+    "TOLERANCE": 1e-3,  # rough answers are so much too large [m], [s]
     "PI": math.pi,
     "FULL_TURN": 2.0 * math.pi,
     "NUM_LANES": NUM_AHEAD + 1,

@@ -60,6 +60,11 @@ class CompiledLoops(Protocol):
     find_places: Callable[[int], None]
     look_at_kerbs: Callable[[int], int]
     mind_kerbs: Callable[[int, int], None]
+    list_headings: Callable[[int], None]
+    find_lanes_below: Callable[[int], int]
+    judge_egos: Callable[[int], int]
+    find_meetings: Callable[[int], int]
+    measure: Callable[[int], None]
 
 
 class LaneKernel:

@@ -99,6 +99,16 @@ class StopLines:
         best = order[np.diff(index[order], prepend=-1).nonzero()[0]]
         return Passed(index[best], lane[best])
 
+    def lines_of(self, plan: SignalPlan) -> FloatArray:
+        """Return the places of stop lines and unit vectors ahead, (k, 4) east, north, east, north.
+
+        Args:
+            plan: says which lanes end before a light.
+        """
+        lines, _ = self._lines_of(plan)
+        end, ahead = self._end[lines], self._ahead[lines]
+        return np.stack([end.real, end.imag, ahead.real, ahead.imag], axis=-1)
+
     def _lines_of(self, plan: SignalPlan) -> tuple[IntArray, BlockGrid]:
         """Return the lanes that end at stop lines, (k,) int64, and a grid of these ends; kept for one plan."""
         before_light = plan.is_before_light

@@ -54,7 +54,7 @@ def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> Bo
         y: (k,) north [m].
         z: (k,) heights; lanes on another level do not count, unless the map is flat [m].
     """
-    owner, places = roads.within(x, y, np.full(len(x), roads.derived(_farthest_edge)))
+    owner, places = roads.within(x, y, np.full(len(x), roads.derived(farthest_edge)))
     to_left, to_right = roads.beside(places)
     is_within = (to_left >= 0.0) & (to_right >= 0.0)
     if not roads.is_flat:
@@ -64,7 +64,7 @@ def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> Bo
     return is_on
 
 
-def _farthest_edge(roads: Roads) -> float:
+def farthest_edge(roads: Roads) -> float:
     """Return a distance of chords within which all places of roads lie [m]. A search this narrow is fast."""
     segments = roads.segments
     start, growth = roads.curve[segments.point].T

@@ -24,7 +24,10 @@ from rosbridge_sim.world.followers.lane_following import LaneFollowers, take_ker
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
+from rosbridge_sim.world.kernels.score_kernel import ScoreKernel
 from rosbridge_sim.world.people.people import People, take_people_loops
+from rosbridge_sim.world.scoring import take_loops
+from rosbridge_sim.world.state.world_rows import WorldRows
 
 
 def compiler() -> tuple[str, ...]:
@@ -63,15 +66,22 @@ def make_people_kernel() -> Callable[[People], PeopleKernel]:
     return partial(PeopleKernel, library())
 
 
+@cache
+def make_score_kernel() -> Callable[[WorldRows], ScoreKernel]:
+    return partial(ScoreKernel, library())
+
+
 @contextmanager
 def with_loops(*, are_there: bool = True) -> Iterator[None]:
-    """All worlds are driven, and their pairs watched, by loops; else by arrays."""
+    """All worlds are driven, their pairs watched and their egos judged by loops; else by arrays."""
     take_kernels(make_kernel() if are_there else None)
     take_pair_loops(make_pair_kernel() if are_there else None)
     take_people_loops(make_people_kernel() if are_there else None)
+    take_loops(make_score_kernel() if are_there else None)
     try:
         yield
     finally:
+        take_loops(None)
         take_kernels(None)
         take_pair_loops(None)
         take_people_loops(None)

@@ -1,0 +1,172 @@
+"""The egos of one world or of many, judged by loops in C, to the last bit as by arrays.
+
+Rare things stay with numpy: contacts, stop lines that may be passed, and pairs that may meet within the horizon. The
+loops find these, a few too many, and arrays judge them.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.contacts.collisions import POSE_X, POSE_Y, CollisionDetector
+from rosbridge_sim.world.contacts.time_to_collision import find_times_of_pairs, find_times_to_collision
+from rosbridge_sim.world.geometry.planar import wrap_angle
+from rosbridge_sim.world.geometry.segment_cells import AROUND
+from rosbridge_sim.world.geometry.segment_search import SegmentSearch
+from rosbridge_sim.world.kernels.c_source import (
+    CELL_PLACES,
+    CELL_WORDS,
+    FOR_EGOS,
+    MORE_PAIRS,
+    PLACE_OF,
+    SCORE_COLUMNS,
+    SCORE_ROADS,
+)
+from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
+from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.stop_lines import StopLines
+from rosbridge_sim.world.scoring import Before, Edges, count_contacts, judge_lines
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.world.state.world_rows import WorldRows
+from rosbridge_sim.world.vehicle.ground import farthest_edge
+
+MAX_SEGMENTS: Final = 1 << 20
+"""Segments of cells that are kept, 8 MB; then all are found anew."""
+
+
+def measures_alike(library: CompiledLoops) -> bool:
+    """Return whether distances by the C library have the bits of numpy's: the loops need those."""
+    fields, num = LoopFields(PLACE_OF), 1000
+    fields.make(FOR_EGOS, num)
+    rng, found = np.random.default_rng(0), fields.arrays
+    found["to_left"][:], found["to_right"][:] = rng.normal(size=(2, num)) * 10.0 ** rng.integers(-3, 3, (2, num))
+    fields["n"] = num
+    library.measure(fields.address)
+    return bool((found["lateral_below"] == np.hypot(found["to_left"], found["to_right"])).all())
+
+
+class _Cells:
+    """The segments of a map by cell, as loops keep them; see `SegmentCells`, and `scores.c`.
+
+    All arrays are as large as they may become: the system gives their memory when it is first written to.
+
+    Attributes:
+        arrays: of the structure.
+        num_cells, num_kept: how much of them is used.
+    """
+
+    def __init__(self, roads: Roads) -> None:
+        low, high, first, size = SegmentSearch(roads.segments, len(roads)).blocks
+        self.arrays = {
+            "block_low": low,
+            "block_high": high,
+            "block_first": first,
+            "block_size": size,
+            "kept_cost": np.zeros(MAX_SEGMENTS),
+            "cells": np.zeros(CELL_PLACES * CELL_WORDS, dtype=np.int64),
+            "cell_segment": np.zeros(MAX_SEGMENTS, dtype=np.int64),
+        }
+        self.num_cells = self.num_kept = 0
+
+
+class ScoreKernel:
+    """See the head of this file. It lives until the next `World.touch`.
+
+    Args:
+        library: the loops.
+        world: written.
+    """
+
+    def __init__(self, library: CompiledLoops, world: WorldRows) -> None:
+        self._do, self._world, self._fields = library, world, LoopFields(PLACE_OF)
+        self._at = self._fields.address
+        self._rows = rows = world.rows(Kind.EGO)
+        roads, fields, num = world.roads.alone, self._fields, len(rows)
+        segments, self._cells, edges = roads.segments, roads.derived(_Cells), roads.derived(Edges)
+        self._is_fit = farthest_edge(roads) <= AROUND
+        fields.copy(world, SCORE_COLUMNS)
+        fields.copy(roads, SCORE_ROADS)
+        fields.take(
+            rows=rows,
+            segment_start=segments.start,
+            segment_direction=segments.direction,
+            segment_angle=segments.angle,
+            segment_height=segments.height,
+            segment_slope=segments.slope,
+            segment_length=segments.length,
+            segment_lane=segments.lane,
+            segment_point=segments.point,
+            edge_reach=np.array([farthest_edge(roads)]),
+            edges_from=edges.first,
+            edges_to=edges.last,
+            left_lane=roads.left,
+            right_lane=roads.right,
+            controller=world.signals.plan.controller_of_lane,
+            lines=roads.derived(StopLines).lines_of(world.signals.plan),
+            **self._cells.arrays,
+        )
+        fields.make(FOR_EGOS, num)
+        room = 2 * num + MORE_PAIRS
+        self._pairs = np.zeros(room, np.int64), np.zeros((2, room), np.int64)
+        self._poses = world.derived(CollisionDetector).poses
+        self._headings, self._turned = np.zeros(3 * num, np.complex128), np.zeros(num, np.complex128)
+        self._angle, self._cosine, self._sine = (np.zeros(3 * num) for _ in range(3))
+        fields.take(angle=self._angle, cosine=self._cosine, sine=self._sine)
+        fields.take(poses=self._poses, turned=self._turned)
+        fields.take(pair_ego=self._pairs[0], pair_row=self._pairs[1])
+        fields["n"], fields["num_rows"] = num, world.n
+        fields["num_worlds"], fields["is_flat"] = 1 if world.world_of_row is None else world.num_worlds, roads.is_flat
+        fields["num_blocks"], fields["cell_room"] = len(fields.arrays["block_first"]), MAX_SEGMENTS
+        fields["num_lines"], fields["num_points"] = len(fields.arrays["lines"]), len(roads.points)
+
+    def judge(self, before: Before) -> bool:
+        """See `scoring.judge`; False if a place is too far away, or roads are too wide, for cells."""
+        do, at, fields, world = self._do, self._at, self._fields, self._world
+        do.list_headings(at)
+        np.cos(self._angle, self._cosine)
+        np.sin(self._angle, self._sine)
+        if not self._is_fit or not self._find_lanes():
+            return False
+        arrays, rows = fields.arrays, self._rows
+        yaw = arrays["yaw_below"]
+        if fields["num_curved"]:
+            yaw = wrap_angle(yaw + np.arctan(arrays["slope_below"]))
+        self._headings.real, self._headings.imag = self._cosine, self._sine
+        start, end, _ = self._headings.reshape(3, -1)
+        np.multiply(end, np.exp(-1j * yaw), self._turned)
+        fields.take(before_accel=before.accel, before_uid=before.uid)
+        fields["num_before"] = len(before.uid)
+        count_contacts(world, rows, before.contacts)
+        if do.judge_egos(at):
+            reach = world.half_length[rows] + world.centre[rows]
+            places = self._poses[:, POSE_X, rows] + 1j * self._poses[:, POSE_Y, rows]
+            judge_lines(world, rows, (places[0] + reach * start, places[1] + reach * end), end)
+        self._judge_meetings()
+        return True
+
+    def _find_lanes(self) -> bool:
+        """Find the lanes below; return whether that is possible."""
+        fields, cells = self._fields, self._cells
+        fields["num_cells"], fields["num_kept"] = cells.num_cells, cells.num_kept
+        found = self._do.find_lanes_below(self._at)
+        if found > 0:  # no room: begin anew
+            cells.arrays["cells"][:] = 0
+            fields["num_cells"] = fields["num_kept"] = 0
+            found = self._do.find_lanes_below(self._at)
+        cells.num_cells, cells.num_kept = fields["num_cells"], fields["num_kept"]
+        return found == 0
+
+    def _judge_meetings(self) -> None:
+        """Bring the times to collision up to date."""
+        world, rows, num = self._world, self._rows, self._do.find_meetings(self._at)
+        if not num:
+            return
+        if num < 0:
+            times = find_times_to_collision(world, rows)
+        else:
+            times = find_times_of_pairs(world, len(rows), self._pairs[0][:num], self._pairs[1][:, :num])
+        world.time_to_collision[rows] = times
+        world.min_time_to_collision[rows] = np.fmin(world.min_time_to_collision[rows], times)
