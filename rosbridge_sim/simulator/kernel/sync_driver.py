@@ -73,13 +73,13 @@ class SyncDriver:
         self._is_turn_over = False
         sync, barrier = self._sync, self._barrier = parts.sync, parts.barrier
         sync.mute(barrier)  # its members have leases of their own
-        sync.hooks.move.append(self._move)
-        sync.hooks.refuse.append(self._refuse_ticks)
-        sync.hooks.flow.append(self._parts.pacer.start)
-        barrier.hooks.lead.append(self._lead_for_barrier)
-        barrier.hooks.end.append(self._end_for_barrier)
-        barrier.hooks.lose.append(self._lose_for_barrier)
-        barrier.hooks.move.append(self._tick_for_barrier)
+        sync.hooks.move = self._move
+        sync.hooks.refuse = self._refuse_ticks
+        sync.hooks.flow = self._parts.pacer.start
+        barrier.hooks.lead = self._lead_for_barrier
+        barrier.hooks.end = self._end_for_barrier
+        barrier.hooks.lose = self._lose_for_barrier
+        barrier.hooks.move = self._tick_for_barrier
         self._parts.gate.on_open.append(self._go_on)
 
     # The mode

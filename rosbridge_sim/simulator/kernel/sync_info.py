@@ -26,7 +26,7 @@ class SyncInfo:
         self._topic = publishers.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
         self._make = late_maker(store, "morai_msgs/SyncModeInfo", "master_id status frame can_send_tick")
         self._told_frame = -1
-        sync.hooks.announce.append(self.announce)
+        sync.hooks.announce = self.announce
 
     def announce_frame(self, now: float) -> None:
         """Publish the state if that of this frame was left out, because the frames were too many for wall time."""

@@ -34,9 +34,9 @@ class BarrierServices(Component):
             "frame is_paused time_step deadline_s members ticked waited_for joining leaving late_counts",
         )
         hooks = context.barrier.hooks
-        hooks.tell.append(_tell)
-        hooks.warn.append(_warn)
-        hooks.announce.append(self._announce)
+        hooks.tell = _tell
+        hooks.warn = _warn
+        hooks.announce = self._announce
         context.hooks.on_mode_change.append(self._follow_pause)
 
     def publish(self, publishers: Publishers) -> None:

@@ -101,10 +101,10 @@ class Barrier:
         self._is_last_lost = False
         self._num_ids = 0
         self._depth = 0
-        self._carry_out: Final[Mapping[BarrierEffect, Callable[[BarrierHappening], None]]] = {
-            BarrierEffect.LEAD: self._lead,
-            BarrierEffect.END: self._end,
-            BarrierEffect.LOSE: self._lose,
+        self._carry_out: Final[Mapping[BarrierEffect, Callable[[BarrierHappening], object]]] = {
+            BarrierEffect.LEAD: lambda happening: self.hooks.lead(self.step_ms, happening.now),
+            BarrierEffect.END: lambda happening: self.hooks.end(happening.now),
+            BarrierEffect.LOSE: lambda happening: self.hooks.lose(happening.now),
             BarrierEffect.ADMIT: self._admit,
             BarrierEffect.ADMIT_LATER: self._admit_later,
             BarrierEffect.HOLD: self._hold,
@@ -120,9 +120,9 @@ class Barrier:
             BarrierEffect.ANSWER: self._answer,
             BarrierEffect.REFUSE: self._refuse,
             BarrierEffect.FORGET: self._forget,
-            BarrierEffect.ANNOUNCE: self._announce,
+            BarrierEffect.ANNOUNCE: lambda happening: self.hooks.announce(happening.now),
         }
-        sync.hooks.hear.append(self._hear)
+        sync.hooks.hear = self._hear
 
     # To be read
 
@@ -439,18 +439,6 @@ class Barrier:
 
     # The effects
 
-    def _lead(self, happening: BarrierHappening) -> None:
-        for lead in self.hooks.lead:
-            lead(self.step_ms, happening.now)
-
-    def _end(self, happening: BarrierHappening) -> None:
-        for end in self.hooks.end:
-            end(happening.now)
-
-    def _lose(self, happening: BarrierHappening) -> None:
-        for lose in self.hooks.lose:
-            lose(happening.now)
-
     def _admit(self, happening: BarrierHappening) -> None:
         if not self._members:
             self.step_ms, self.deadline = happening.step_ms, happening.deadline
@@ -485,8 +473,7 @@ class Barrier:
             del self._member_of[holder]
         for other in list(self._members.values()):
             for holder in list(other.holders):
-                for tell in self.hooks.tell:
-                    tell(holder, f"member {member.user_id!r} {why}; the barrier goes on without it")
+                self.hooks.tell(holder, f"member {member.user_id!r} {why}; the barrier goes on without it")
 
     def _cut(self, happening: BarrierHappening) -> None:
         member, holder = self._members[happening.user_id], happening.holder
@@ -510,8 +497,7 @@ class Barrier:
         self._late = self._waited_for()
         takers = [member for member in self._members.values() if member.ticks and not member.is_joining]
         self._moving = [(member, member.ticks.popleft()) for member in takers]
-        for move in self.hooks.move:
-            move(happening.now)
+        self.hooks.move(happening.now)
 
     def _settle(self, _happening: BarrierHappening) -> None:
         refused: list[BarrierTick] = []
@@ -534,8 +520,7 @@ class Barrier:
                 f"member {member.user_id!r} has not ticked within {self.deadline:g} s: the world has moved without it"
             )
             for holder in list(member.holders):
-                for warn in self.hooks.warn:
-                    warn(holder, f"{text}; its next tick counts for the next boundary", Reason.LATE_TICK)
+                self.hooks.warn(holder, f"{text}; its next tick counts for the next boundary", Reason.LATE_TICK)
 
     def _answer(self, happening: BarrierHappening) -> None:
         moving, self._moving = self._moving, []
@@ -558,10 +543,6 @@ class Barrier:
         for member in self._members.values():
             member.num_late = 0
             member.is_warned = False
-
-    def _announce(self, happening: BarrierHappening) -> None:
-        for announce in self.hooks.announce:
-            announce(happening.now)
 
 
 _LEFT: Final = "has left"

@@ -9,12 +9,13 @@ from typing import Any, NamedTuple
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.simulator.sync.barrier_table import BarrierEvent
+from rosbridge_sim.simulator.sync.sync_parts import ignore
 
 OnBarrierTick = Callable[[str], None]
 """Takes why the tick was refused; an empty text says that it was carried out."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class BarrierHooks:
     """Functions that carry out the effects beyond the members; `now` is monotonic time [s].
 
@@ -28,13 +29,13 @@ class BarrierHooks:
         announce: `(now)`, for ANNOUNCE.
     """
 
-    lead: list[Callable[[int, float], object]] = field(default_factory=list)
-    end: list[Callable[[float], object]] = field(default_factory=list)
-    lose: list[Callable[[float], object]] = field(default_factory=list)
-    move: list[Callable[[float], object]] = field(default_factory=list)
-    tell: list[Callable[[Any, str], object]] = field(default_factory=list)
-    warn: list[Callable[[Any, str, Reason], object]] = field(default_factory=list)
-    announce: list[Callable[[float], object]] = field(default_factory=list)
+    lead: Callable[[int, float], object] = ignore
+    end: Callable[[float], object] = ignore
+    lose: Callable[[float], object] = ignore
+    move: Callable[[float], object] = ignore
+    tell: Callable[[Any, str], object] = ignore
+    warn: Callable[[Any, str, Reason], object] = ignore
+    announce: Callable[[float], object] = ignore
 
 
 class BarrierStatus(NamedTuple):

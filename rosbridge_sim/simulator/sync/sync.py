@@ -124,7 +124,7 @@ class Sync(WaitingCommands[C]):
         # Commands that came while ticks waited, by the order of arrival: (the frame named, frames settled before it).
         self._delayed: dict[int, tuple[int, int]] = {}
         self._mute: Counter[object] = Counter()  # peers whose input is held back, and how often
-        self._carry_out: Final[Mapping[SyncEffect, Callable[[SyncHappening[C]], None]]] = {
+        self._carry_out: Final[Mapping[SyncEffect, Callable[[SyncHappening[C]], object]]] = {
             SyncEffect.LEAD: self._lead,
             SyncEffect.RELEASE: self._release,
             SyncEffect.DROP: self._drop,
@@ -132,8 +132,8 @@ class Sync(WaitingCommands[C]):
             SyncEffect.MOVE: self._move,
             SyncEffect.WAIT: self._wait,
             SyncEffect.REFUSE: self._refuse,
-            SyncEffect.FLOW: self._flow,
-            SyncEffect.ANNOUNCE: self._announce,
+            SyncEffect.FLOW: lambda happening: self.hooks.flow(happening.now),
+            SyncEffect.ANNOUNCE: lambda happening: self.hooks.announce(happening.now),
         }
 
     @property
@@ -442,8 +442,7 @@ class Sync(WaitingCommands[C]):
         """Take note that a peer is alive, with any master."""
         if holder in self._holders:
             self._heard_at = now
-        for hear in self.hooks.hear:
-            hear(holder, now)
+        self.hooks.hear(holder, now)
 
     def _make_id(self) -> str:
         self._num_ids += 1
@@ -480,11 +479,8 @@ class Sync(WaitingCommands[C]):
                 self._unready[command] = happening.due
 
     def _move(self, happening: SyncHappening[C]) -> None:
-        self._num_moved = happening.num_frames
-        for move in self.hooks.move:
-            num_moved = move(happening.num_frames, happening.now)
-            if num_moved is not None:
-                self._num_moved = num_moved
+        num_moved = self.hooks.move(happening.num_frames, happening.now)
+        self._num_moved = happening.num_frames if num_moved is None else num_moved
 
     def _wait(self, happening: SyncHappening[C]) -> None:
         self._ticks.extend([happening.num_frames] * happening.num_ticks)
@@ -496,16 +492,7 @@ class Sync(WaitingCommands[C]):
         self._ticks.clear()
         self._is_in_tick = False
         self._give_up_frames(self._num_owed)
-        for refuse in self.hooks.refuse:
-            refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
-
-    def _flow(self, happening: SyncHappening[C]) -> None:
-        for flow in self.hooks.flow:
-            flow(happening.now)
-
-    def _announce(self, happening: SyncHappening[C]) -> None:
-        for announce in self.hooks.announce:
-            announce(happening.now)
+        self.hooks.refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
 
     def _give_up_frames(self, num_frames: int) -> None:
         """Take note that the first frames of the ticks that wait will never be computed.

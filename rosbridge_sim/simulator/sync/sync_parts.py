@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
-from rosbridge_sim.records import Record, field
 from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, SyncEvent
 
 C = TypeVar("C")
 """Type of a command; the caller chooses it."""
 
 
-class SyncHooks(Record):
+def ignore(*_args: object) -> None:
+    """Do nothing: a hook that is not set yet."""
+
+
+@dataclass(slots=True)
+class SyncHooks:
     """Functions for the effects beyond the mode; `now` is monotonic time [s].
 
     Attributes:
@@ -24,11 +29,11 @@ class SyncHooks(Record):
         hear: `(holder, now)`, for a command of any peer, and for the end of a time in which its input was held back.
     """
 
-    move: list[Callable[[int, float], int | None]] = field(default_factory=list)
-    refuse: list[Callable[[str, float], object]] = field(default_factory=list)
-    flow: list[Callable[[float], object]] = field(default_factory=list)
-    announce: list[Callable[[float], object]] = field(default_factory=list)
-    hear: list[Callable[[object, float], object]] = field(default_factory=list)
+    move: Callable[[int, float], int | None] = ignore
+    refuse: Callable[[str, float], object] = ignore
+    flow: Callable[[float], object] = ignore
+    announce: Callable[[float], object] = ignore
+    hear: Callable[[object, float], object] = ignore
 
 
 class SyncHappening(NamedTuple, Generic[C]):

@@ -70,14 +70,14 @@ class Model:
         self.is_slow = is_slow
         self.now = 0.0
         hooks = self.barrier.hooks
-        hooks.lead.append(self._lead)
-        hooks.end.append(self._end)
-        hooks.lose.append(self._lose)
-        hooks.move.append(self._move)
-        hooks.tell.append(lambda holder, text: self.told.append((holder, text)))
-        hooks.warn.append(lambda holder, _text, reason: self.warned.append((holder, reason)))
-        self.sync.hooks.move.append(lambda num_frames, _now: self._compute(num_frames))
-        self.sync.hooks.refuse.append(self._refuse)
+        hooks.lead = self._lead
+        hooks.end = self._end
+        hooks.lose = self._lose
+        hooks.move = self._move
+        hooks.tell = lambda holder, text: self.told.append((holder, text))
+        hooks.warn = lambda holder, _text, reason: self.warned.append((holder, reason))
+        self.sync.hooks.move = lambda num_frames, _now: self._compute(num_frames)
+        self.sync.hooks.refuse = self._refuse
 
     def _lead(self, step_ms: int, now: float) -> None:
         self.mode.append("lead")
@@ -749,7 +749,7 @@ def test_restore_refuses_the_ticks_that_wait_and_keeps_the_late_counts() -> None
 
 def test_failed_tick_is_answered_to_all() -> None:
     model = a_model(BarrierState.GATHERING)
-    model.barrier.hooks.move[:] = [lambda now: model.barrier.not_moved("the world has failed", now)]
+    model.barrier.hooks.move = lambda now: model.barrier.not_moved("the world has failed", now)
     model.tick("b")
     assert model.answers() == ["the world has failed"] * 2
 

@@ -155,10 +155,10 @@ def test_effects_beyond_the_mode_call_their_hooks_in_the_order_of_the_row(state:
         return
     sync = a_sync(state, on_loss=ON_LOSS.get(event, "run"), is_strict=event is SyncEvent.TICK_MISFIT)
     called: list[SyncEffect] = []
-    sync.hooks.move.append(lambda _num_frames, _now: called.append(SyncEffect.MOVE))
-    sync.hooks.refuse.append(lambda _why, _now: called.append(SyncEffect.REFUSE))
-    sync.hooks.flow.append(lambda _now: called.append(SyncEffect.FLOW))
-    sync.hooks.announce.append(lambda _now: called.append(SyncEffect.ANNOUNCE))
+    sync.hooks.move = lambda _num_frames, _now: called.append(SyncEffect.MOVE)
+    sync.hooks.refuse = lambda _why, _now: called.append(SyncEffect.REFUSE)
+    sync.hooks.flow = lambda _now: called.append(SyncEffect.FLOW)
+    sync.hooks.announce = lambda _now: called.append(SyncEffect.ANNOUNCE)
     outcome = ACTS[event](sync)
     assert outcome is not None
     beyond = {SyncEffect.MOVE, SyncEffect.REFUSE, SyncEffect.FLOW, SyncEffect.ANNOUNCE}
@@ -168,8 +168,8 @@ def test_effects_beyond_the_mode_call_their_hooks_in_the_order_of_the_row(state:
 def test_hooks_are_called_when_the_state_has_changed_and_with_the_time_of_the_event() -> None:
     sync = a_sync(SyncState.WAITING)
     seen: list[tuple[object, ...]] = []
-    sync.hooks.refuse.append(lambda why, now: seen.append((sync.state, sync.master_id, sync.num_ticks, why[:28], now)))
-    sync.hooks.flow.append(lambda now: seen.append((sync.state, now)))
+    sync.hooks.refuse = lambda why, now: seen.append((sync.state, sync.master_id, sync.num_ticks, why[:28], now))
+    sync.hooks.flow = lambda now: seen.append((sync.state, now))
     sync.stop("boss", 7.5)
     assert seen == [(SyncState.FREE, "", 0, "synchronous mode has ended, ", 7.5), (SyncState.FREE, 7.5)]
 
@@ -185,7 +185,7 @@ def test_hooks_are_called_when_the_state_has_changed_and_with_the_time_of_the_ev
 def test_ticks_that_wait_are_refused_with_the_reason(act: Callable[[Sync[str]], object], why: str) -> None:
     sync = a_sync(SyncState.WAITING)
     texts: list[str] = []
-    sync.hooks.refuse.append(lambda text, _now: texts.append(text))
+    sync.hooks.refuse = lambda text, _now: texts.append(text)
     act(sync)
     assert [text.startswith(why) for text in texts] == [True]
 
@@ -193,7 +193,7 @@ def test_ticks_that_wait_are_refused_with_the_reason(act: Callable[[Sync[str]], 
 def test_tick_and_turn_move_the_frames_of_the_step_in_force_when_the_tick_came() -> None:
     sync = a_sync(SyncState.WAITING)  # its tick has 2 frames
     moved: list[tuple[int, float]] = []
-    sync.hooks.move.append(lambda num_frames, now: moved.append((num_frames, now)))
+    sync.hooks.move = lambda num_frames, now: moved.append((num_frames, now))
     waiting: list[int] = []
     sync.start("boss", 100, ME, 1.0)
     sync.tick("boss", 0, FRAME, ME, 2.0, on_wait=lambda: waiting.append(sync.num_ticks))
@@ -286,7 +286,7 @@ class AnyOrder(RuleBasedStateMachine):
         ] = {}  # command: frame named, (number: frames) of ticks before
         self.num_sent = self.num_ticks = 0
         self.limit: int | None = None  # frames that a turn computes at most
-        self.sync.hooks.move.append(lambda num, _now: None if self.limit is None else min(num, self.limit))
+        self.sync.hooks.move = lambda num, _now: None if self.limit is None else min(num, self.limit)
 
     @property
     def end(self) -> int:
@@ -688,7 +688,7 @@ def test_dropped_command_delays_no_tick() -> None:
 def test_tick_that_is_computed_in_parts_has_all_its_frames_and_begins_once() -> None:
     sync: Sync[str] = Sync()
     sync.start("boss", 100, ME, 0.0)
-    sync.hooks.move.append(lambda num_frames, _now: min(num_frames, 2))
+    sync.hooks.move = lambda num_frames, _now: min(num_frames, 2)
     sync.tick("boss", FRAME + 5, FRAME, ME, 0.0, on_wait=lambda: None, is_in_turns=True)
     begun: list[str] = []
     parts = [sync.take_turn(FRAME + done, 1.0, prepare=lambda: begun.append("tick")) for done in (0, 2, 4, 5)]
@@ -807,7 +807,7 @@ def test_there_is_no_turn_without_a_tick_that_waits() -> None:
 
 def test_a_refusal_ends_the_tick_that_has_begun() -> None:
     sync = led()
-    sync.hooks.move.append(lambda _num, _now: 1)  # a turn that ends after one frame
+    sync.hooks.move = lambda _num, _now: 1  # a turn that ends after one frame
     sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
     assert (sync.take_turn(10, 1.0), sync.is_in_tick, sync.num_ticks) == (1, True, 2)
     sync.pause(1.0)
@@ -827,7 +827,7 @@ def test_stop_by_anyone_without_a_master_is_as_one_where_only_the_master_may(*, 
 
 def test_frames_of_a_tick_that_has_begun_are_owed_until_they_are_computed() -> None:
     sync = led(100)
-    sync.hooks.move.append(lambda num_frames, _now: min(num_frames, 2))
+    sync.hooks.move = lambda num_frames, _now: min(num_frames, 2)
     sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
     sync.submit("first", 0, 10, ME, 0.0)
     assert (sync.take_turn(10, 1.0), sync.num_ticks) == (2, 2)
@@ -842,7 +842,7 @@ def test_frames_of_a_tick_that_has_begun_are_owed_until_they_are_computed() -> N
 
 def test_each_tick_that_is_computed_in_parts_is_prepared_once() -> None:
     sync = led()
-    sync.hooks.move.append(lambda _num_frames, _now: 1)
+    sync.hooks.move = lambda _num_frames, _now: 1
     sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
     begun: list[int] = []
     for frame in range(10, 14):
@@ -927,7 +927,7 @@ def test_command_that_a_stop_has_dropped_delays_no_tick_of_the_next_master() -> 
 
 def test_tick_that_is_given_up_in_the_middle_has_not_begun_any_more() -> None:
     sync, prepared = led(), list[int]()
-    sync.hooks.move.append(lambda num_frames, _now: num_frames - 1)
+    sync.hooks.move = lambda num_frames, _now: num_frames - 1
     sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
     assert sync.take_turn(10, 0.0, prepare=lambda: prepared.append(1)) == 1
     assert sync.is_in_tick

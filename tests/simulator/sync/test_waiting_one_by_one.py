@@ -42,7 +42,7 @@ class Model:
         self.chance = random.Random(seed)  # noqa: S311 - no secret
         self.sync: Sync[str] = Sync()
         self.sync.start(ME, 40, ME, 0.0)
-        self.sync.hooks.move.append(self.compute)
+        self.sync.hooks.move = self.compute
         self.frame, self.num_owed, self.num_prepared = 10, 0, 0
         self.ticks: list[list[int]] = []
         self.commands: dict[str, Command] = {}
