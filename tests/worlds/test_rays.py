@@ -7,7 +7,12 @@ import pytest
 
 from rosbridge_sim import Worlds
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.many_worlds.batch import OneOfMany
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Body, Kind
+from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 from rosbridge_sim.worlds.surroundings import are_places_on_road
+from tests.world.road_factory import ego, line, make, road
 
 LIBRARY = DiskLibrary()
 """The borders of a map are found once."""
@@ -87,3 +92,60 @@ def test_wrong_rays_are_refused() -> None:
         worlds.rays(0, 10.0)
     with pytest.raises(ValueError, match="reach: expected a positive number, got inf"):
         worlds.rays(4, float("inf"))
+
+
+def straight(*egos: dict[str, float], roads: Roads | None = None) -> DrivableWorlds:
+    """Worlds with one ego each, on a road of 1 km to the east if there is no other."""
+    found = []
+    for each in egos:
+        world = OneOfMany()
+        world.lay_roads(roads or road(1000.0))
+        ego(world, **({"x": 100.0, "y": 0.0} | each))
+        found.append(world)
+    return DrivableWorlds(found)
+
+
+CENTRE = float(Body().length / 2 - Body().rear_overhang)
+
+
+def test_rays_meet_both_edges_of_a_road_and_the_lines_across_its_ends() -> None:
+    worlds = straight({"x": 10.0 - CENTRE}, {"x": 990.0 - CENTRE, "y": 0.5}, {"x": 500.0})
+    first, second, middle = (worlds.rays(8, 70.0)[i, 0, :, 0] for i in range(3))
+    slanted = 1.75 * np.sqrt(2.0)
+    assert first.tolist() == pytest.approx([70.0, slanted, 1.75, slanted, 10.0, slanted, 1.75, slanted])
+    left, right = 1.25 * np.sqrt(2.0), 2.25 * np.sqrt(2.0)
+    assert second.tolist() == pytest.approx([10.0, left, 1.25, left, 70.0, right, 2.25, right])
+    assert middle.tolist() == pytest.approx([70.0, slanted, 1.75, slanted, 70.0, slanted, 1.75, slanted])
+    assert straight({"x": 100.0}).rays(1, 900.0 - CENTRE + 0.1)[0, 0, 0, 0] == pytest.approx(900.0 - CENTRE)
+
+
+def test_edges_between_lanes_and_on_other_levels_are_no_borders() -> None:
+    beside = make(a=(line((0, 0), (1000, 0)), ""), b=(line((0, 3.5), (1000, 3.5)), ""))
+    assert straight({}, roads=beside).rays(4, 70.0)[0, 0, :, 0].tolist() == pytest.approx([70.0, 5.25, 70.0, 1.75])
+    crossing = {
+        z: make(a=(line((0, 0), (1000, 0)), ""), b=(line((120, -200), (120, 200), z=z), "")) for z in (0.0, 9.0)
+    }
+    below = straight({"x": 118.0, "y": 1.0}, roads=crossing[9.0]).rays(4, 70.0)[0, 0, :, 0]
+    level = straight({"x": 118.0, "y": 1.0}, roads=crossing[0.0]).rays(4, 70.0)[0, 0, :, 0]
+    assert below.tolist() == pytest.approx([70.0, 0.75, 70.0, 2.75])
+    assert level.tolist() == pytest.approx([70.0, 70.0, 70.0, 70.0])
+
+
+def test_borders_are_found_again_with_another_reach() -> None:
+    worlds = straight({"x": 10.0 - CENTRE})
+    for reach in (5.0, 64.0, 65.0, 200.0, 5.0):
+        back = float(worlds.rays(2, reach)[0, 0, 1, 0])
+        assert back == pytest.approx(min(reach, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("ahead", "left", "met"),
+    [(20.0, 0.0, True), (20.0, 0.9, True), (20.0, 1.0, False), (20.0, -0.9, True), (20.0, -1.0, False)],
+)
+def test_ray_meets_a_box_within_its_width_alone(ahead: float, left: float, met: bool) -> None:  # noqa: FBT001 - of the table
+    world = OneOfMany()
+    world.lay_roads(make(a=(line((0, 0), (1000, 0)), ""), b=(line((0, 3.5), (1000, 3.5)), "")))
+    ego(world, x=100.0 - CENTRE, y=0.0)
+    world.spawn(Kind.OBSTACLE, Body.box(2.0, 1.9, 1.5), name="box", x=100.0 + ahead, y=left, speed=0.0)
+    found = DrivableWorlds([world]).rays(1, 60.0)[0, 0, 0]
+    assert found.tolist() == pytest.approx([ahead - 1.0 if met else 60.0, 0.0])
