@@ -19,7 +19,7 @@ import rosbags.typesys.store
 from PIL import Image
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.maps.map_formats import read_map
 from rosbridge_sim.maps.road_map import RoadMap

@@ -42,9 +42,10 @@ junit: records
 schema.definitions: *
 schema: * long_text schema.definitions weight
 protocol: * long_text weight
-graph: * protocol schema schema.definitions
+graph: * protocol schema
 graph.peers: * graph long_text protocol schema
 graph.tf: * graph schema
+graph.rosapi_services: * graph protocol schema schema.definitions
 graph.attach: * graph protocol schema schema.definitions
 graph.gateway: * graph schema
 graph.ros1: * graph graph.gateway schema schema.definitions
@@ -131,8 +132,8 @@ shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell.kernels shell.page shell.transport version
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
 shell.ros1: * graph graph.gateway graph.ros1 morai schema shell.clocks shell.config shell.files shell.websocket
-shell.ros2: * graph graph.gateway graph.ros2 morai schema shell.clocks shell.config shell.files
-shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags
+shell.ros2: * graph graph.gateway graph.ros2 graph.rosapi_services morai schema shell.clocks shell.config shell.files
+shell: * graph graph.attach graph.rosapi_services graph.tf link maps morai protocol scenarios scenery schema shell.bags
     shell.clocks shell.config shell.drawing shell.files shell.kernels shell.mocking shell.monitoring shell.page
     shell.rendering shell.ros1 shell.ros2 shell.websocket
     simulator simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors
@@ -145,6 +146,7 @@ environments: records scenery scenery.static shell shell.rendering simulator.sna
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.files cli.tools link
+cli.simulator: * cli.tools link
 cli.doctor: * cli.tools doctor link
 cli.contracts: * cli.tools contracts documents junit link
 cli.tools: * client documents graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions

@@ -34,7 +34,7 @@ RARE = {
         "rosbridge_sim.scenarios.openscenario.story",
         "rosbridge_sim.documents.xml_documents",
     ),
-    *("rosbridge_sim.simulator.story.told_story", "rosbridge_sim.scenarios.openscenario.places"),
+    *("rosbridge_sim.simulator.story.running_story", "rosbridge_sim.scenarios.openscenario.places"),
     *(
         "rosbridge_sim.documents.document_mistakes",
         "rosbridge_sim.shell.attach",

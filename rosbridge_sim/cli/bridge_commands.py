@@ -204,7 +204,9 @@ def make_layout() -> Parser:
 
 
 def _layout(options: Options) -> int:
-    return run_tool(f"tools.layout.{'print_layout' if options.url is None else 'print_layout_of'}", options, names=None)
+    return run_tool(
+        f"simulator.layout.{'print_layout' if options.url is None else 'print_layout_of'}", options, names=None
+    )
 
 
 def make_wait() -> Parser:

@@ -92,7 +92,7 @@ def _shot(options: Options) -> int:
         raise SettingError(f"--{flag}: expected with --scenario or --recording; a running simulator has its own")
     if options.camera == CHASE:
         raise SettingError("--camera chase: expected with --scenario or --recording; a running simulator has its page")
-    return run_tool("tools.sensor_tool.take_shot", options, camera=options.camera or "", path=options.out)
+    return run_tool("simulator.sensor_tool.take_shot", options, camera=options.camera or "", path=options.out)
 
 
 def _clip(options: Options) -> int:

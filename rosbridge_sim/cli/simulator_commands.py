@@ -146,10 +146,10 @@ def _score(options: Options) -> int:
     if options.follow and options.reset:
         raise SettingError("--reset: expected alone; --follow shows the scores as they come")
     if options.follow:
-        return run_tool("tools.score_command.follow", options)
+        return run_tool("simulator.score_command.follow", options)
     if options.count is not None:
         raise SettingError("--count: expected with --follow")
-    return run_tool("tools.score_command.show", options, is_reset=options.reset)
+    return run_tool("simulator.score_command.show", options, is_reset=options.reset)
 
 
 def make_sync() -> Parser:
@@ -182,15 +182,15 @@ def _snapshot(options: Options) -> int:
     if options.list or options.remove:
         if options.id or options.out:
             raise SettingError("--list, --remove: expected without --id and --out, which take a snapshot")
-        return run_tool("tools.snapshot_tool.list_snapshots", options)
-    return run_tool("tools.snapshot_tool.take_snapshot", options, name=options.id, path=options.out)
+        return run_tool("simulator.snapshot_tool.list_snapshots", options)
+    return run_tool("simulator.snapshot_tool.take_snapshot", options, name=options.id, path=options.out)
 
 
 def make_restore() -> Parser:
     """Return the parser of `rosbridge-sim restore`."""
     parser = command_of(
         "restore",
-        "tools.snapshot_tool.restore",
+        "simulator.snapshot_tool.restore",
         "Return a simulator to a snapshot. In synchronous mode only its master may do so.",
     )
     parser.option("name", "ID|FILE", "name of a snapshot that the server keeps, or a file of `snapshot --out`")
@@ -243,7 +243,7 @@ def _spawn(options: Options) -> int:
         "route": options.route,
         "is_ego": options.ego,
     }
-    return run_tool("tools.spawn.spawn", options, request=request)
+    return run_tool("simulator.spawn.spawn", options, request=request)
 
 
 _number = make_number(-1e9, 1e9, "a number", float)
@@ -272,7 +272,7 @@ def make_sensor() -> Parser:
     """Return the parser of `rosbridge-sim sensor`."""
     parser = command_of(
         "sensor",
-        "tools.sensor_tool.list_sensors",
+        "simulator.sensor_tool.list_sensors",
         "List the cameras, lidars and radars of a running simulator: number, rate, place, topics.",
         epilog="For example: rosbridge-sim sensor list",
     )

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Self, TypeVar, Unpack
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.node_parameters import provide_node_parameters
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.node_parameters import provide_node_parameters
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, Profile, choose_profile

@@ -71,7 +71,7 @@ def tell(path: Path, seconds: float, map_name: str | None = None, *, is_lenient:
     scenario = library.opening_scenario(str(path))
     scenario = replace(scenario, map_name=map_name or scenario.map_name)
     node = make_node(Bus(read_types(Settings())[1]), World(), library, scenario, NodeSettings(start="sync"))
-    told, world = node.component(Stories).told, node.context.world
+    told, world = node.component(Stories).running, node.context.world
     assert told is not None
     found: dict[str, list[list[float]]] = {name: [] for name in told.state.actors}
     begun: dict[str, float] = {}

@@ -12,7 +12,7 @@ from rosbridge_sim.graph.action_topics import MAX_TOLD
 from rosbridge_sim.graph.actions import ENDED_GOAL_MEMORY_NS, MAX_ENDED
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from tests.graph.bus_fixture import Wire, make_store
 

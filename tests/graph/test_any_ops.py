@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.doctor.check_frames import read_frame
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox
 from tests.graph.bus_fixture import make_bus, make_peer

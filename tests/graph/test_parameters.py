@@ -13,7 +13,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import parameters as parameters_module
 from rosbridge_sim.graph.parameters import MAX_VALUE_PARTS, Parameters, merge
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from tests.graph.bus_fixture import make_bus, make_peer
 
 

@@ -16,7 +16,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer import MAX_OP_ID
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from tests.graph.bus_fixture import Wire, make_store
 

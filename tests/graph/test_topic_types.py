@@ -11,7 +11,7 @@ from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message

@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.doctor.check import Check
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from tests.graph.bus_fixture import MemoryClients, make_bus
 from tests.vector_player import FOLDER, load_vectors, play
 

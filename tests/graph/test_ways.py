@@ -12,7 +12,7 @@ import pytest
 from rosbridge_sim.graph import ways as ways_module
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way, Ways

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.releases import LENIENCY

@@ -8,7 +8,7 @@ import orjson
 import pytest
 
 from rosbridge_sim.graph.peers.publish_reader import LEARN_EACH
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Service, Topic

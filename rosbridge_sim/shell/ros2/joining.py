@@ -18,10 +18,10 @@ from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import read_choice
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.remote_parameters import RemoteParameters
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
 from rosbridge_sim.graph.ros2.ros2_actions import Ros2Actions
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
+from rosbridge_sim.graph.rosapi_services.remote_parameters import RemoteParameters
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.store import Store

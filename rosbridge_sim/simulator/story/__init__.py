@@ -1,1 +1,1 @@
-"""Stories of OpenSCENARIO as they are told: actors, actions, conditions, and the component that runs them."""
+"""Running stories of OpenSCENARIO: actors, actions, conditions, and the component that runs them."""

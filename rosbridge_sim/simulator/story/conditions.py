@@ -14,9 +14,9 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.openscenario.story import ELEMENT_TYPES
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
-from rosbridge_sim.simulator.story.cast import StoryActor
 from rosbridge_sim.simulator.story.measures import Target
-from rosbridge_sim.simulator.story.stage import Stage
+from rosbridge_sim.simulator.story.story_actors import StoryActor
+from rosbridge_sim.simulator.story.story_context import StoryContext
 from rosbridge_sim.world.state.world import Kind
 
 EQUAL: Final = 1e-6
@@ -30,7 +30,7 @@ TOUCHES: Final[Mapping[str, Kind]] = {
 }
 """Types of `ByType`."""
 
-OfEntity = Callable[[Stage, StoryItem, str, StoryActor], float]
+OfEntity = Callable[[StoryContext, StoryItem, str, StoryActor], float]
 """Returns the figure that a condition compares for a triggering entity, which is in the world; NaN for none."""
 
 
@@ -43,23 +43,23 @@ def compare(rule: str, figure: float, value: float) -> bool:
     return rule == "notEqualTo" or rule.startswith("greater" if figure > value else "less")
 
 
-def measure(scene: Stage, condition: StoryItem) -> tuple[bool, float]:
+def measure(context: StoryContext, condition: StoryItem) -> tuple[bool, float]:
     """Return whether a `Condition` holds now, without edge and delay, and the figure that it compares; NaN for none."""
     item = condition.part("ByEntityCondition", "ByValueCondition")
     if item.kind == "ByValueCondition":
-        return OF_VALUE[item.part().kind](scene, item.part())
+        return OF_VALUE[item.part().kind](context, item.part())
     triggering, inner = item.part("TriggeringEntities"), item.part("EntityCondition").part()
-    figures = [_figure(scene, inner, each["entityRef"]) for each in triggering.parts]
+    figures = [_figure(context, inner, each["entityRef"]) for each in triggering.parts]
     holds = [holds_for(inner, figure) for figure in figures]
     choose = any if triggering["triggeringEntitiesRule"] == "any" else all
     figure = next((each for each, is_so in zip(figures, holds, strict=True) if is_so), [*figures, math.nan][0])
     return bool(holds) and choose(holds), figure
 
 
-def _figure(scene: Stage, item: StoryItem, name: str) -> float:
+def _figure(context: StoryContext, item: StoryItem, name: str) -> float:
     """Return the figure of a triggering entity; NaN where it, another entity or a place is not there."""
     try:
-        return OF_ENTITY[item.kind](scene, item, name, scene.cast.find(name))
+        return OF_ENTITY[item.kind](context, item, name, context.actors.find(name))
     except DocumentError:
         return math.nan
 
@@ -74,65 +74,65 @@ def holds_for(item: StoryItem, figure: float) -> bool:
     return figure <= float(item["tolerance"]) if "tolerance" in item.values else figure >= least
 
 
-def _speed_of(scene: Stage, name: str, item: StoryItem) -> float:
-    actor, direction = scene.cast.find(name), item.get("direction")
+def _speed_of(context: StoryContext, name: str, item: StoryItem) -> float:
+    actor, direction = context.actors.find(name), item.get("direction")
     if direction == "lateral":
-        return actor.aside * scene.cast.on_lane(name).direction
+        return actor.aside * context.actors.on_lane(name).direction
     return 0.0 if direction == "vertical" else actor.speed
 
 
-def _speed(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> float:
-    return _speed_of(scene, name, item)
+def _speed(context: StoryContext, item: StoryItem, name: str, _: StoryActor) -> float:
+    return _speed_of(context, name, item)
 
 
-def _relative_speed(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> float:
-    return _speed_of(scene, name, item) - _speed_of(scene, item["entityRef"], item)
+def _relative_speed(context: StoryContext, item: StoryItem, name: str, _: StoryActor) -> float:
+    return _speed_of(context, name, item) - _speed_of(context, item["entityRef"], item)
 
 
-def _acceleration(_: Stage, item: StoryItem, _name: str, actor: StoryActor) -> float:
+def _acceleration(_: StoryContext, item: StoryItem, _name: str, actor: StoryActor) -> float:
     return actor.accel if item.get("direction", "longitudinal") == "longitudinal" else 0.0
 
 
 def _own(key: str) -> OfEntity:
     """Return a condition that compares an attribute of the actor itself."""
-    return lambda _scene, _item, _name, actor: float(getattr(actor, key))
+    return lambda _context, _item, _name, actor: float(getattr(actor, key))
 
 
-def _collision(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> float:
-    world, touched = scene.cast.world, scene.cast.touching.get(actor.uid, [])
+def _collision(context: StoryContext, item: StoryItem, _: str, actor: StoryActor) -> float:
+    world, touched = context.actors.world, context.actors.touching.get(actor.uid, [])
     reference, kind = item.find("EntityRef"), item.find("ByType")
     if reference is not None:
-        touched = [uid for uid in touched if uid == scene.cast.actors[reference["entityRef"]].uid]
+        touched = [uid for uid in touched if uid == context.actors.by_name[reference["entityRef"]].uid]
     elif kind is not None:
         touched = [uid for uid in touched if uid in world and world.kind[world.row(uid)] == TOUCHES[kind["type"]]]
     return float(len(touched))
 
 
-def _target(scene: Stage, item: StoryItem) -> Target:
+def _target(context: StoryContext, item: StoryItem) -> Target:
     """Return the name of the entity, or the place, that a condition measures to."""
     reference = item.get("entityRef") or (item.find("EntityRef") or item).get("entityRef")
-    return reference or scene.cast.map.find_place(item.part("Position"), scene.cast.locate)
+    return reference or context.actors.map.find_place(item.part("Position"), context.actors.locate)
 
 
-def _reach(scene: Stage, item: StoryItem, _: str, actor: StoryActor) -> float:
-    place = scene.cast.map.find_place(item.part("Position"), scene.cast.locate)
+def _reach(context: StoryContext, item: StoryItem, _: str, actor: StoryActor) -> float:
+    place = context.actors.map.find_place(item.part("Position"), context.actors.locate)
     return math.dist((actor.x, actor.y, actor.z), (place.x, place.y, place.z))
 
 
-def _distance(scene: Stage, item: StoryItem, name: str, _: StoryActor) -> float:
-    return abs(scene.measures.distance(name, _target(scene, item), item))
+def _distance(context: StoryContext, item: StoryItem, name: str, _: StoryActor) -> float:
+    return abs(context.measures.distance(name, _target(context, item), item))
 
 
-def _headway(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> float:
-    away = scene.measures.distance(name, item["entityRef"], item)
+def _headway(context: StoryContext, item: StoryItem, name: str, actor: StoryActor) -> float:
+    away = context.measures.distance(name, item["entityRef"], item)
     return away / actor.speed if away >= 0.0 and actor.speed > EQUAL else math.nan
 
 
-def _time_to_collision(scene: Stage, item: StoryItem, name: str, actor: StoryActor) -> float:
-    target = _target(scene, item.part("TimeToCollisionConditionTarget"))
-    away, closing = scene.measures.distance(name, target, item), actor.speed
+def _time_to_collision(context: StoryContext, item: StoryItem, name: str, actor: StoryActor) -> float:
+    target = _target(context, item.part("TimeToCollisionConditionTarget"))
+    away, closing = context.measures.distance(name, target, item), actor.speed
     if isinstance(target, str):
-        other = scene.cast.find(target)
+        other = context.actors.find(target)
         closing -= other.speed * math.cos(other.yaw - actor.yaw)
     return away / closing if away >= 0.0 and closing > EQUAL else math.nan
 
@@ -147,8 +147,8 @@ def _as_number(text: str) -> float:
         return math.nan
 
 
-def _value(scene: Stage, item: StoryItem) -> tuple[bool, float]:
-    text = scene.values[item.get("variableRef", item.get("parameterRef", ""))]
+def _value(context: StoryContext, item: StoryItem) -> tuple[bool, float]:
+    text = context.values[item.get("variableRef", item.get("parameterRef", ""))]
     figure, wanted = _as_number(text), _as_number(item["value"])
     if math.isnan(figure) or math.isnan(wanted):
         is_same = text == item["value"]
@@ -156,9 +156,9 @@ def _value(scene: Stage, item: StoryItem) -> tuple[bool, float]:
     return compare(item["rule"], figure, wanted), figure
 
 
-def _is_seen(scene: Stage, item: StoryItem) -> bool:
+def _is_seen(context: StoryContext, item: StoryItem) -> bool:
     kind = ELEMENT_TYPES[item["storyboardElementType"]]
-    return scene.board.seen(kind, item["storyboardElementRef"], item["state"])
+    return context.board.seen(kind, item["storyboardElementRef"], item["state"])
 
 
 OF_ENTITY: Final[Mapping[str, OfEntity]] = {
@@ -176,14 +176,14 @@ OF_ENTITY: Final[Mapping[str, OfEntity]] = {
     "TimeHeadwayCondition": _headway,
     "TimeToCollisionCondition": _time_to_collision,
 }
-OF_VALUE: Final[Mapping[str, Callable[[Stage, StoryItem], tuple[bool, float]]]] = {
+OF_VALUE: Final[Mapping[str, Callable[[StoryContext, StoryItem], tuple[bool, float]]]] = {
     "ParameterCondition": _value,
     "VariableCondition": _value,
-    "SimulationTimeCondition": lambda scene, item: (holds_for(item, scene.time()), scene.time()),
-    "StoryboardElementStateCondition": lambda scene, item: (_is_seen(scene, item), math.nan),
-    "TrafficSignalCondition": lambda scene, item: (scene.light(item["name"], item["state"]), math.nan),
-    "TrafficSignalControllerCondition": lambda scene, item: (
-        scene.phase(item["trafficSignalControllerRef"], item["phase"]),
+    "SimulationTimeCondition": lambda context, item: (holds_for(item, context.time()), context.time()),
+    "StoryboardElementStateCondition": lambda context, item: (_is_seen(context, item), math.nan),
+    "TrafficSignalCondition": lambda context, item: (context.light(item["name"], item["state"]), math.nan),
+    "TrafficSignalControllerCondition": lambda context, item: (
+        context.phase(item["trafficSignalControllerRef"], item["phase"]),
         math.nan,
     ),
 }

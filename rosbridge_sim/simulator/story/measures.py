@@ -18,7 +18,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, predecessors
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
-from rosbridge_sim.simulator.story.cast import Cast, StoryActor
+from rosbridge_sim.simulator.story.story_actors import StoryActor, StoryActors
 from rosbridge_sim.world.geometry.planar import FloatArray, nearest_on_polyline, outline_at
 
 REACH: Final = 1_000.0
@@ -52,10 +52,13 @@ class _Around(Record, eq=False):
 
 
 class Measures:
-    """Measures distances of one cast. A target is the name of an entity, or a place, which is a box without a size."""
+    """Measures distances between the actors of one story. A target is the name of an entity, or a place.
 
-    def __init__(self, cast: Cast) -> None:
-        self._cast = cast
+    A place is a box without a size.
+    """
+
+    def __init__(self, actors: StoryActors) -> None:
+        self._actors = actors
         self._around = lru_cache(MAX_KEPT)(self._find_around)
         self._from_start = lru_cache(MAX_KEPT)(self._find_from_start)
 
@@ -72,7 +75,7 @@ class Measures:
             to_target, is_apart = self._to_box(name, self._corners(target))
             to_own, is_apart_too = self._to_box(target, self._corners(name))
             return min(to_target, to_own) if is_apart or is_apart_too else 0.0
-        here, there = self._cast.find(name), self._find(target)
+        here, there = self._actors.find(name), self._find(target)
         return math.dist((here.x, here.y), (there.x, there.y))
 
     def along(self, name: str, target: Target, system: str) -> float:
@@ -89,7 +92,7 @@ class Measures:
             gap = self.along(name, target, system)
             ahead = 1.0 if gap >= 0.0 else -1.0
             return ahead * max(abs(gap) - self.half_lengths(name, target, ahead), 0.0)
-        here = self._cast.find(name)
+        here = self._actors.find(name)
         front, rear, _ = self._size(name)
         cos, sin = math.cos(here.yaw), math.sin(here.yaw)
         ways = [(x - here.x) * cos + (y - here.y) * sin for x, y in self._corners(target)]
@@ -112,15 +115,15 @@ class Measures:
 
     def between_lanes(self, name: str, reference: str) -> float:
         """Return how far the line of another actor's lane is to the left of the line of the own lane [m]."""
-        there, actor = self._cast.on_lane(reference), self._cast.on_lane(name)
-        found = self._on_lanes(actor, self._cast.map.at(OnLane(there.lane, there.s, 0.0)))
+        there, actor = self._actors.on_lane(reference), self._actors.on_lane(name)
+        found = self._on_lanes(actor, self._actors.map.at(OnLane(there.lane, there.s, 0.0)))
         if found is None:
             raise DocumentError("the lanes do not lie beside each other")
         return found[1] + actor.offset
 
     def way_to(self, name: str, place: MapPlace) -> float:
         """Return the way to a place along the lanes, or the straight one where no lane leads there [m]."""
-        actor = self._cast.on_lane(name)
+        actor = self._actors.on_lane(name)
         found = self._on_lanes(actor, place)
         if found is not None:
             return found[0] * actor.direction
@@ -128,7 +131,7 @@ class Measures:
 
     def _relative(self, name: str, target: Target, system: str) -> tuple[float, float]:
         """Return how far ahead and to the left of an actor a target is [m]."""
-        here, there = self._cast.find(name), self._find(target)
+        here, there = self._actors.find(name), self._find(target)
         if system in _LANE_SYSTEMS and (found := self._relative_on_lanes(name, target)) is not None:
             return found
         dx, dy = there.x - here.x, there.y - here.y
@@ -137,14 +140,14 @@ class Measures:
 
     def _relative_on_lanes(self, name: str, target: Target) -> tuple[float, float] | None:
         """Return the same along and beside the lanes of an actor; None where none of them leads to the target."""
-        here, on = self._cast.on_lane(name), None
+        here, on = self._actors.on_lane(name), None
         if isinstance(target, MapPlace):
             place = target
         else:
-            there = self._cast.on_lane(target)
+            there = self._actors.on_lane(target)
             place = there.place
             if there.is_changing_lane:
-                place = self._cast.map.at(there.lane_place)  # within a frame an action may have shifted it already
+                place = self._actors.map.at(there.lane_place)  # within a frame an action may have shifted it already
             elif there.lane >= 0:
                 on = there.lane_place
         found = self._on_lanes(here, place, on)
@@ -166,7 +169,7 @@ class Measures:
     ) -> tuple[float, float] | None:
         """Return the same from the start and the line of a lane."""
         around = self._around(lane, route)
-        on, place = (self._cast.map.project(place), place) if on is None else (on, self._cast.map.at(on))
+        on, place = (self._actors.map.project(place), place) if on is None else (on, self._actors.map.at(on))
         if on.lane in around.starts:
             return around.starts[on.lane] + on.s, on.offset
         near = nearest_on_polyline(around.line, place.x, place.y)
@@ -174,12 +177,12 @@ class Measures:
         return None if abs(lateral) > MAX_ASIDE else (around.first + float(near.arc[0]), lateral)
 
     def _find_around(self, own: int, route: tuple[int, ...]) -> _Around:
-        roads = self._cast.map.roads
+        roads = self._actors.map.roads
         lanes = [(own, 0.0)]
         lane, start = own, 0.0
         while start + float(roads.length[lane]) < REACH and len(lanes) < MAX_LANES:
             end = OnLane(lane, float(roads.length[lane]), 0.0)
-            moved, left = self._cast.map.move(end, TOUCHES, route)
+            moved, left = self._actors.map.move(end, TOUCHES, route)
             if left:
                 break
             start += float(roads.length[lane])
@@ -199,13 +202,13 @@ class Measures:
         return _Around(starts, line, starts[in_order[0]])
 
     def _find(self, target: Target) -> StoryActor | MapPlace:
-        return target if isinstance(target, MapPlace) else self._cast.find(target)
+        return target if isinstance(target, MapPlace) else self._actors.find(target)
 
     def _size(self, target: Target) -> _Size:
         """Return how far a box reaches before, behind and beside its reference point [m]."""
         if isinstance(target, MapPlace):
             return 0.0, 0.0, 0.0
-        body = self._cast.bodies[target]
+        body = self._actors.bodies[target]
         return body.length - body.rear_overhang, body.rear_overhang, 0.5 * body.width
 
     def _corners(self, target: Target) -> list[tuple[float, float]]:

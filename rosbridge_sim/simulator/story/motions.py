@@ -22,8 +22,8 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, lane_id
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
-from rosbridge_sim.simulator.story.cast import DRIVER, PROGRAM, STORY, STORY_STEP, StoryActor
-from rosbridge_sim.simulator.story.stage import Stage
+from rosbridge_sim.simulator.story.story_actors import DRIVER, PROGRAM, STORY, STORY_STEP, StoryActor
+from rosbridge_sim.simulator.story.story_context import StoryContext
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED
 
 LATERAL_ACCEL: Final = 0.5
@@ -69,10 +69,10 @@ class Running:
     points: list[tuple[float, ...]] = field(default_factory=list)
 
 
-Begin = Callable[[Stage, StoryItem, StoryActor, Running], bool]
+Begin = Callable[[StoryContext, StoryItem, StoryActor, Running], bool]
 """Begins an action; returns whether it is done already. DocumentError: it cannot begin."""
 
-Advance = Callable[[Stage, StoryItem, StoryActor, Running], bool]
+Advance = Callable[[StoryContext, StoryItem, StoryActor, Running], bool]
 """Goes on by a frame; returns whether the action is done."""
 
 
@@ -137,11 +137,11 @@ def time_of(dynamics: StoryItem, change: float, speed: float) -> float:
 # Speed
 
 
-def _begin_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    goal, dynamics = _speed_goal(stage, item), item.part("SpeedActionDynamics")
+def _begin_speed(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    goal, dynamics = _speed_goal(context, item), item.part("SpeedActionDynamics")
     change = goal - actor.speed
     length = time_of(dynamics, change, 0.5 * (goal + actor.speed))
-    body = stage.cast.bodies[running.entity]
+    body = context.actors.bodies[running.entity]
     most = body.max_accel if change > 0.0 else body.max_decel
     shape = dynamics["dynamicsShape"]
     if shape != "step" and most > 0.0:
@@ -151,12 +151,12 @@ def _begin_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     if actor.mode == PROGRAM:
         actor.speed = goal
         return True
-    return _advance_speed(stage, item, actor, running) if length <= 0.0 else False
+    return _advance_speed(context, item, actor, running) if length <= 0.0 else False
 
 
-def _speed_goal(stage: Stage, item: StoryItem) -> float:
+def _speed_goal(context: StoryContext, item: StoryItem) -> float:
     target = item.part("SpeedActionTarget").part()
-    return _goal_of(target, stage.cast.find(target["entityRef"]).speed if "entityRef" in target.values else 0.0)
+    return _goal_of(target, context.actors.find(target["entityRef"]).speed if "entityRef" in target.values else 0.0)
 
 
 def _goal_of(target: StoryItem, reference: float) -> float:
@@ -178,15 +178,15 @@ def _bounded(speed: float) -> float:
     return max(-MAX_SPEED, min(MAX_SPEED, speed))
 
 
-def _advance_speed(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_speed(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     is_continuous = item.part("SpeedActionTarget").part().get("continuous", False)
     if is_continuous:
-        running.numbers["to"] = _speed_goal(stage, item)
+        running.numbers["to"] = _speed_goal(context, item)
     actor.speed, is_done = _go_on(running, item.part("SpeedActionDynamics")["dynamicsShape"])
     return is_done and not is_continuous
 
 
-def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_profile(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Plan the speeds: points are time [s], speed [m/s] and acceleration [m/s^2] of the knots, and zeros."""
     speed, time, lines, is_exact = actor.speed, 0.0, [], item["followingMode"] == "position"
     rates = (_limit(item, key) for key in ("maxAccelerationRate", "maxDecelerationRate"))
@@ -196,7 +196,7 @@ def _begin_profile(stage: Stage, item: StoryItem, actor: StoryActor, running: Ru
         if length < 0.0 or not is_exact:
             # Within the limits; the other root is the greatest acceleration that both rates leave time for.
             most = max(math.sqrt(2.0 * abs(change) * up * down / max(up + down, 1e-9)), 1e-3)
-            length = max(length, _fastest(stage, item, running, change), abs(change) / most)
+            length = max(length, _fastest(context, item, running, change), abs(change) / most)
         length = max(length, SOON if change else 0.0)
         lines.append((time, speed, change / length if length else 0.0))
         time, speed = time + length, speed + change
@@ -229,7 +229,7 @@ def _knots(speed: float, lines: Sequence[tuple[float, ...]], up: float, down: fl
     return [*knots, (knots[-1][0], lines[-1][1], 0.0)]
 
 
-def _advance_profile(_stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_profile(_context: StoryContext, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
     at = running.numbers["at"] = running.numbers["at"] + STORY_STEP
     row = bisect_right(running.points, at, key=itemgetter(0)) - 1
     time, speed, accel = running.points[row][:3]
@@ -242,9 +242,9 @@ def _advance_profile(_stage: Stage, _item: StoryItem, actor: StoryActor, running
     return False
 
 
-def _fastest(stage: Stage, item: StoryItem, running: Running, change: float) -> float:
+def _fastest(context: StoryContext, item: StoryItem, running: Running, change: float) -> float:
     """Return the least time of a change of speed within the limits [s]."""
-    body = stage.cast.bodies[running.entity]
+    body = context.actors.bodies[running.entity]
     key, most = ("maxAcceleration", body.max_accel) if change > 0.0 else ("maxDeceleration", body.max_decel)
     return abs(change) / max(min(_limit(item, key), most or NO_LIMIT), 1e-3)
 
@@ -258,31 +258,31 @@ def _limit(item: StoryItem, key: str, default: float = NO_LIMIT) -> float:
 # Distances
 
 
-def _begin_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_gap(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Keep a distance to another entity; without limits the actor is there at once."""
     running.numbers = {"accel": 0.0}
-    return item.find("DynamicConstraints") is None and _jump(stage, item, actor, running)
+    return item.find("DynamicConstraints") is None and _jump(context, item, actor, running)
 
 
-def _jump(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    reference = stage.cast.find(item["entityRef"])
-    error = _gap_error(stage, item, running)
-    moved, _ = stage.cast.map.move(actor.lane_place, actor.direction * error, actor.route)
+def _jump(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    reference = context.actors.find(item["entityRef"])
+    error = _gap_error(context, item, running)
+    moved, _ = context.actors.map.move(actor.lane_place, actor.direction * error, actor.route)
     if actor.lane >= 0:
-        stage.cast.put(actor, stage.cast.map.at(moved))
-    stage.cast.show(actor)
+        context.actors.put(actor, context.actors.map.at(moved))
+    context.actors.show(actor)
     actor.speed = reference.speed if item["continuous"] else actor.speed
     return not item["continuous"]
 
 
-def _gap_error(stage: Stage, item: StoryItem, running: Running) -> float:
+def _gap_error(context: StoryContext, item: StoryItem, running: Running) -> float:
     """Return how far ahead of its place the actor should be [m]."""
-    gap = stage.measures.along(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
+    gap = context.measures.along(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
     ahead = _side(item, gap)
-    reference = stage.cast.find(item["entityRef"])
+    reference = context.actors.find(item["entityRef"])
     wanted = item.get("distance", 0.0) + item.get("timeGap", 0.0) * reference.speed
     if item["freespace"]:
-        wanted += stage.measures.half_lengths(running.entity, item["entityRef"], ahead)
+        wanted += context.measures.half_lengths(running.entity, item["entityRef"], ahead)
     return float(gap - ahead * wanted)
 
 
@@ -292,11 +292,11 @@ def _side(item: StoryItem, measured: float) -> float:
     return sides.get(item.get("displacement", "any").removesuffix("ReferencedEntity"), math.copysign(1.0, measured))
 
 
-def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_gap(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     if item.find("DynamicConstraints") is None:
-        return _jump(stage, item, actor, running)
-    reference = stage.cast.find(item["entityRef"])
-    error = _gap_error(stage, item, running)
+        return _jump(context, item, actor, running)
+    reference = context.actors.find(item["entityRef"])
+    error = _gap_error(context, item, running)
     spring = SPRING * min(_limit(item, "maxAcceleration", DEFAULT_ACCEL), MAX_PULL)
     accel = spring * error + 2.0 * math.sqrt(spring) * (reference.speed - actor.speed)
     accel = max(-_limit(item, "maxDeceleration"), min(_limit(item, "maxAcceleration"), accel))
@@ -311,17 +311,17 @@ def _advance_gap(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
     return True
 
 
-def _begin_side(_stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_side(_context: StoryContext, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
     running.numbers = {"rate": 0.0}
     return actor.lane < 0
 
 
-def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_side(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Keep a distance to the side of another entity, as fast as the limits allow and without overshoot."""
-    left = stage.measures.aside(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
+    left = context.measures.aside(running.entity, item["entityRef"], item.get("coordinateSystem", "entity"))
     wanted = item.get("distance", abs(left))
     if item["freespace"]:
-        wanted += stage.measures.half_widths(running.entity, item["entityRef"])
+        wanted += context.measures.half_widths(running.entity, item["entityRef"])
     error = left - _side(item, left) * wanted
     fastest, most = _limit(item, "maxSpeed"), _limit(item, "maxAcceleration")
     if most < NO_LIMIT:
@@ -338,37 +338,37 @@ def _advance_side(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
 # Lanes
 
 
-def _begin_change(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_change(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     if actor.lane < 0:
         raise DocumentError("it is on no lane")
     target = item.part("LaneChangeTarget").part()
-    story_map = stage.cast.map
+    story_map = context.actors.map
     if target.kind == "AbsoluteTargetLane":
         lane, aside = story_map.lane_beside(actor.lane_place, lane_id(target["value"]))
     else:
-        reference = stage.cast.on_lane(target["entityRef"])
+        reference = context.actors.on_lane(target["entityRef"])
         steps = int(target["value"] * reference.direction)
         lane, aside = story_map.beside(reference.lane_place, steps)
         if reference is not actor:
-            aside += stage.measures.between_lanes(running.entity, target["entityRef"])
+            aside += context.measures.between_lanes(running.entity, target["entityRef"])
     goal = aside + actor.direction * item.get("targetLaneOffset", 0.0)
     change = goal - actor.offset
     length = time_of(item.part("LaneChangeActionDynamics"), change, actor.speed)
     running.numbers = {"from": actor.offset, "to": goal, "length": length, "at": 0.0, "lane": float(lane)}
-    return _advance_change(stage, item, actor, running) if length <= 0.0 else False
+    return _advance_change(context, item, actor, running) if length <= 0.0 else False
 
 
-def _advance_change(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_change(_context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     actor.offset, is_done = _go_on(running, item.part("LaneChangeActionDynamics")["dynamicsShape"])
     actor.is_changing_lane = is_done and running.numbers["lane"] >= 0.0
     return is_done
 
 
-def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_offset(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     dynamics, target = item.part("LaneOffsetActionDynamics"), item.part("LaneOffsetTarget").part()
     goal = target["value"] * actor.direction
     if target.kind == "RelativeTargetLaneOffset":
-        goal += stage.cast.on_lane(target["entityRef"]).offset
+        goal += context.actors.on_lane(target["entityRef"]).offset
     change = abs(goal - actor.offset)
     most, shape = dynamics.get("maxLateralAcc", LATERAL_ACCEL), dynamics["dynamicsShape"]
     # Greatest acceleration of the shapes: pi^2 D / (2 T^2) and 6 D / T^2; a linear change gets the time of a cubic one.
@@ -378,7 +378,7 @@ def _begin_offset(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
     return False
 
 
-def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_offset(_context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     actor.offset, is_done = _go_on(running, item.part("LaneOffsetActionDynamics")["dynamicsShape"])
     return is_done and not item["continuous"]
 
@@ -386,7 +386,7 @@ def _advance_offset(_stage: Stage, item: StoryItem, actor: StoryActor, running: 
 # Trajectories
 
 
-def _begin_trajectory(stage: Stage, item: StoryItem, _actor: StoryActor, running: Running) -> bool:
+def _begin_trajectory(context: StoryContext, item: StoryItem, _actor: StoryActor, running: Running) -> bool:
     reference = item.find("TrajectoryRef")
     trajectory = (item if reference is None else reference).find("Trajectory")
     if trajectory is None:
@@ -399,7 +399,7 @@ def _begin_trajectory(stage: Stage, item: StoryItem, _actor: StoryActor, running
     points: list[tuple[float, ...]] = []
     way = 0.0
     for vertex in vertices:
-        place = stage.cast.map.find_place(vertex.part("Position"), stage.cast.locate)
+        place = context.actors.map.find_place(vertex.part("Position"), context.actors.locate)
         if points:
             way += math.dist((place.x, place.y), points[-1][:2])
         time = vertex.get("time", 0.0)
@@ -410,17 +410,17 @@ def _begin_trajectory(stage: Stage, item: StoryItem, _actor: StoryActor, running
         raise DocumentError("expected a Polyline with two vertices or more")
     if is_timed and any(one[4] > other[4] for one, other in pairwise(points)):
         raise DocumentError("expected vertices with rising times")
-    start = stage.time() if is_timed and timing["domainAbsoluteRelative"] == "relative" else 0.0
+    start = context.time() if is_timed and timing["domainAbsoluteRelative"] == "relative" else 0.0
     running.points = points
     running.numbers = {"start": start, "way": item.get("initialDistanceOffset", 0.0), "timed": float(is_timed)}
     return False
 
 
-def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_trajectory(context: StoryContext, _item: StoryItem, actor: StoryActor, running: Running) -> bool:
     memo, points = running.numbers, running.points
     key = 4 if memo["timed"] else 5
     if memo["timed"]:
-        at = stage.time() + STORY_STEP - memo["start"]
+        at = context.time() + STORY_STEP - memo["start"]
     else:
         at = memo["way"] = memo["way"] + abs(actor.speed) * STORY_STEP
     if memo["timed"] and at < points[0][key]:
@@ -437,50 +437,50 @@ def _advance_trajectory(stage: Stage, _item: StoryItem, actor: StoryActor, runni
     if memo["timed"] and span > 0.0:
         actor.speed = _bounded((second[5] - first[5]) / span)
     actor.is_placed = True
-    stage.cast.take_lane(actor)
+    context.actors.take_lane(actor)
     return at >= points[-1][key]
 
 
 # Routes, places, drivers
 
 
-def _begin_route(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
+def _begin_route(context: StoryContext, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     """Take a route: its first waypoint is where it begins, or the actor's own place."""
-    story_map = stage.cast.map
+    story_map = context.actors.map
     own = [actor.lane_place] if item.kind == "AcquirePositionAction" else []
     goals = [item] if own else item.part("Route").all("Waypoint")
     places = [
         *own,
-        *(story_map.project(story_map.find_place(each.part("Position"), stage.cast.locate)) for each in goals),
+        *(story_map.project(story_map.find_place(each.part("Position"), context.actors.locate)) for each in goals),
     ]
     if len(places) > 1:
         actor.route = story_map.find_way(places[0], places[1:])
     return True
 
 
-def _begin_teleport(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
-    stage.cast.put(actor, stage.cast.map.find_place(item.part("Position"), stage.cast.locate))
-    stage.cast.show(actor)
+def _begin_teleport(context: StoryContext, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
+    context.actors.put(actor, context.actors.map.find_place(item.part("Position"), context.actors.locate))
+    context.actors.show(actor)
     return True
 
 
-def _begin_controller(stage: Stage, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
+def _begin_controller(context: StoryContext, item: StoryItem, actor: StoryActor, _running: Running) -> bool:
     """Hand an actor over to a driver of the world, or take it back; nothing that is overridden is driven here."""
     for part in (item, *item.parts):
         keys = ("lateral", "longitudinal", "activateLateral", "activateLongitudinal")
         wanted = [part[key] for key in keys if key in part.values]
         if wanted and all(wanted):
-            stage.cast.hand_over(actor)
+            context.actors.hand_over(actor)
         elif wanted and actor.mode == DRIVER:
             actor.mode = STORY
-            stage.cast.show(actor)
+            context.actors.show(actor)
     return True
 
 
-def _begin_start(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _begin_start(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Have an item that waits start in the next step, wherever the ego is."""
     del item, running
-    world = stage.cast.world
+    world = context.actors.world
     row = world.row(actor.uid)
     if world.start_within[row] > 0.0:
         world.start_within[row] = 4.0 * MAX_COORDINATE
@@ -490,26 +490,26 @@ def _begin_start(stage: Stage, item: StoryItem, actor: StoryActor, running: Runn
 # Synchronize
 
 
-def _begin_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
-    cast = stage.cast
-    master = cast.find(item["masterEntityRef"])
-    own = cast.map.find_place(item.part("TargetPosition"), cast.locate)
-    other = cast.map.find_place(item.part("TargetPositionMaster"), cast.locate)
+def _begin_sync(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+    actors = context.actors
+    master = actors.find(item["masterEntityRef"])
+    own = actors.map.find_place(item.part("TargetPosition"), actors.locate)
+    other = actors.map.find_place(item.part("TargetPositionMaster"), actors.locate)
     running.points = [(own.x, own.y, own.z, own.yaw, 0.0, 0.0), (other.x, other.y, other.z, other.yaw, 0.0, 0.0)]
     running.numbers = {"accel": 0.0}
     return master is actor
 
 
-def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Running) -> bool:
+def _advance_sync(context: StoryContext, item: StoryItem, actor: StoryActor, running: Running) -> bool:
     """Arrive when the master arrives, with the final speed if one is given, by the least accelerations.
 
     With T until the master arrives, d to the own target and v now, that is 6 d / T^2 - (4 v + 2 final) / T, and
     3 (d - v T) / T^2 without a final speed. With a steady state the final speed is reached as much earlier, and kept.
     """
-    master = stage.cast.find(item["masterEntityRef"])
+    master = context.actors.find(item["masterEntityRef"])
     own, other = (MapPlace(*point[:4]) for point in running.points[:2])
-    way = stage.measures.way_to(running.entity, own)
-    masters = stage.measures.way_to(item["masterEntityRef"], other)
+    way = context.measures.way_to(running.entity, own)
+    masters = context.measures.way_to(item["masterEntityRef"], other)
     time = masters / max(master.speed, 1e-6)
     is_near = way <= item.get("targetTolerance", 0.0) and masters <= item.get("targetToleranceMaster", 0.0)
     end = item.find("FinalSpeed")
@@ -526,7 +526,7 @@ def _advance_sync(stage: Stage, item: StoryItem, actor: StoryActor, running: Run
         accel = 3.0 * (way - actor.speed * time) / (time * time)
     else:
         accel = 6.0 * way / (time * time) - (4.0 * actor.speed + 2.0 * final) / time
-    top = stage.cast.bodies[running.entity].top_speed or MAX_SPEED
+    top = context.actors.bodies[running.entity].top_speed or MAX_SPEED
     actor.speed = max(0.0, min(top, _bounded(actor.speed + accel * STORY_STEP)))
     return False
 
@@ -535,7 +535,7 @@ def _steady_way(item: StoryItem, final: float) -> float:
     return float(item["distance"] if item.kind == "TargetDistanceSteadyState" else item["time"] * final)
 
 
-def _never(_stage: Stage, _item: StoryItem, _actor: StoryActor, _running: Running) -> bool:
+def _never(_context: StoryContext, _item: StoryItem, _actor: StoryActor, _running: Running) -> bool:
     return True
 
 

@@ -22,7 +22,7 @@ from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, re
 from rosbridge_sim.simulator.scene.load import Load
 
 if TYPE_CHECKING:  # imported with the first story
-    from rosbridge_sim.simulator.story.told_story import SetWeather, ToldStory
+    from rosbridge_sim.simulator.story.running_story import RunningStory, SetWeather
 
 STORY_TOPIC: Final = "/sim/story"
 RATE: Final = 10.0
@@ -44,7 +44,7 @@ class Stories(Component):
     """The component of stories.
 
     Attributes:
-        told: the story of the scene; None for none.
+        running: the story of the scene; None for none.
     """
 
     def __init__(self, context: SimulatorContext, set_weather: SetWeather) -> None:
@@ -55,7 +55,7 @@ class Stories(Component):
         """
         self._set_weather = set_weather
         self._context = context
-        self.told: ToldStory | None = None
+        self.running: RunningStory | None = None
         self._load: Load | None = None
         hooks = context.hooks
         hooks.place.append(self._move)
@@ -72,7 +72,7 @@ class Stories(Component):
         publishers.add(
             STORY_TOPIC,
             "rosbridge_sim_msgs/StoryState",
-            lambda: None if self.told is None else self._message(),
+            lambda: None if self.running is None else self._message(),
             rate=RATE,
             is_shown_in_pause=True,
         )
@@ -83,9 +83,9 @@ class Stories(Component):
 
     def verdict(self) -> Struct:
         """Make the message of the verdict of the story's evaluation."""
-        if self.told is None:
+        if self.running is None:
             return self._make_verdict("", "", -1.0, "")
-        verdict = self.told.board.verdict()
+        verdict = self.running.board.verdict()
         return self._make_verdict(verdict.result, verdict.group, verdict.time, printable(verdict.reason))
 
     # The story
@@ -100,16 +100,16 @@ class Stories(Component):
         if loaded is self._load:
             return
         self._take(loaded)
-        if self.told is not None:
-            self.told.open()
+        if self.running is not None:
+            self.running.open()
 
     def _take(self, loaded: Load) -> None:
         """Have the story of a load, without beginning it."""
         self._load = loaded
-        if self.told is not None:
+        if self.running is not None:
             self._hold_ego(is_held=False)
         context, story = self._context, loaded.story
-        self.told = None
+        self.running = None
         hooks = context.hooks
         (hooks.place.rest if story is None else hooks.place.wake)(self._move)
         (hooks.after_frame.rest if story is None else hooks.after_frame.wake)(self._tell)
@@ -117,14 +117,14 @@ class Stories(Component):
             return
         from rosbridge_sim.scenarios.openscenario.entities import story_scenario  # noqa: PLC0415 - few scenes have a story
         from rosbridge_sim.scenarios.openscenario.places import StoryMap  # noqa: PLC0415 - few scenes have a story
-        from rosbridge_sim.simulator.story.told_story import ToldStory  # noqa: PLC0415 - few scenes have a story
+        from rosbridge_sim.simulator.story.running_story import RunningStory  # noqa: PLC0415 - few scenes have a story
 
         if story.is_of_blocks:
             spawns = tuple([replace(spawn, name=spawn.where) for spawn in (*loaded.egos, *loaded.others)])
         else:
             scenario = story_scenario(story, loaded.name, None, context.scene.catalogue)
             spawns = (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)
-        self.told = ToldStory(context.scene, story, spawns, StoryMap.of(loaded.road_map), self._set_weather)
+        self.running = RunningStory(context.scene, story, spawns, StoryMap.of(loaded.road_map), self._set_weather)
         self._hold_ego(is_held=story.text.drives_ego)
 
     def _hold_ego(self, *, is_held: bool) -> None:
@@ -132,46 +132,46 @@ class Stories(Component):
         self._context.egos.first.moved_by = "story" if is_held else ""
 
     def _move(self) -> None:
-        if self.told is not None and not self._context.scene.is_replaying:
-            if self.told.story.text.drives_ego:
+        if self.running is not None and not self._context.scene.is_replaying:
+            if self.running.story.text.drives_ego:
                 self._hold_ego(is_held=True)  # the end of a replay gives it back to clients
-            self.told.move()
+            self.running.move()
 
     def _tell(self, _now: float) -> None:
-        if self.told is not None and not self._context.scene.is_replaying:
-            self.told.tell()
+        if self.running is not None and not self._context.scene.is_replaying:
+            self.running.step()
 
     # The state
 
     def save_state(self) -> PlainData:
         """Return the state of the story; None without one."""
-        return None if self.told is None else as_plain(self.told.state)
+        return None if self.running is None else as_plain(self.running.state)
 
     def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - the interface has it
         """Become what was saved."""
         self._take(self._context.scene.loaded)
-        if self.told is None:
+        if self.running is None:
             if data is not None:
                 raise ValueError("expected no state of a story")
             return
-        from rosbridge_sim.simulator.story.told_story import StoryState  # noqa: PLC0415 - few scenes have a story
+        from rosbridge_sim.simulator.story.running_story import StoryState  # noqa: PLC0415 - few scenes have a story
 
         check_finite(data, "story")
         try:
-            self.told.restore(read_as(StoryState, data, "story"))
+            self.running.restore(read_as(StoryState, data, "story"))
         except DocumentError as error:
             raise ValueError(str(error)) from None
 
     # The messages
 
     def _message(self) -> Struct:
-        context, told = self._context, self.told
+        context, running = self._context, self.running
         header = context.convert.header(context.world.frame)
-        if told is None:
+        if running is None:
             return self._make_state(header, "", 0.0, False, self.verdict(), [], [], [], [])  # noqa: FBT003 - not over
         from rosbridge_sim.scenarios.openscenario.storyboard import State, Transition, kind_of  # noqa: PLC0415 - few scenes have a story
 
-        state, board = told.state.board, told.board
+        state, board = running.state.board, running.board
         now = [State(each).name.lower() for each in state.states]
         new = [
             Transition(each * (mark > state.frame_mark)) for each, mark in zip(state.changes, state.marks, strict=True)
@@ -187,14 +187,14 @@ class Stories(Component):
         world, egos = context.world, context.egos
         ids = [
             egos.unique_id(world.row(actor.uid)) if actor.uid in world else NOWHERE
-            for actor in told.state.actors.values()
+            for actor in running.state.actors.values()
         ]
         return self._make_state(
-            *(header, context.scene.loaded.name, told.time(), state.is_over, self.verdict(), elements, conditions),
-            *(list(told.state.actors), ids),
+            *(header, context.scene.loaded.name, running.time(), state.is_over, self.verdict(), elements, conditions),
+            *(list(running.state.actors), ids),
         )
 
     def _answer(self, call: Call, _now: float) -> None:
-        has_story = self.told is not None
+        has_story = self.running is not None
         message = "" if has_story else "the loaded scenario has no story: no OpenSCENARIO, and no events"
         call.respond(result=has_story, message=message, story=self._message())

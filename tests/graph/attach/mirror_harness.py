@@ -14,7 +14,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Call, Topic
 from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.schema.message import Message

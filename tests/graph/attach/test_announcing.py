@@ -15,7 +15,7 @@ from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from tests.graph.attach.mirror_harness import Car, FarBridge, Program, SimHarness, make_deaf
 from tests.graph.bus_fixture import make_peer, make_store

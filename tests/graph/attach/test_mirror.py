@@ -18,7 +18,7 @@ from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
 from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from tests.graph.attach.mirror_harness import Car, Frame, Program, SimHarness, make_deaf

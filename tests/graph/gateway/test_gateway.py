@@ -17,7 +17,7 @@ from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message import Message

@@ -30,7 +30,7 @@ from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.client import AsyncClient, ConnectError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.config.options import SimulatorOptions

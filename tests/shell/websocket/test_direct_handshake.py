@@ -13,7 +13,7 @@ import pytest
 import pytest_asyncio
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.link.websocket_internals import LAST_ANSWERS
 from rosbridge_sim.shell.transport import request_reading
 from rosbridge_sim.shell.transport.request_reading import MAX_EARLY

@@ -11,7 +11,7 @@ import pytest_asyncio
 from websockets.exceptions import ConnectionClosed
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.page.map_page import MapText

@@ -21,7 +21,7 @@ from rosbridge_sim import __version__
 from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.protocol import png
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.message import Message

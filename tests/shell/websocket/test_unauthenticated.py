@@ -21,7 +21,7 @@ from rosbridge_sim import Simulator
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.shell.transport.request_reading import MAX_EARLY
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import DocumentError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry

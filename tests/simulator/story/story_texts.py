@@ -20,8 +20,8 @@ from rosbridge_sim.scenarios.openscenario.story_records import StoryText
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
+from rosbridge_sim.simulator.story.running_story import RunningStory
 from rosbridge_sim.simulator.story.stories import Stories
-from rosbridge_sim.simulator.story.told_story import ToldStory
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Lamp, Light, SignalPlan
 from rosbridge_sim.world.state.world import World
@@ -173,17 +173,17 @@ class Telling:
         self.world = self.node.context.world
 
     @property
-    def told(self) -> ToldStory:
-        told = self.node.component(Stories).told
-        assert told is not None
-        return told
+    def running(self) -> RunningStory:
+        running = self.node.component(Stories).running
+        assert running is not None
+        return running
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds * 50)):
             self.node.context.stepper.compute(0.0, is_tick=True, is_last=True)
 
     def row(self, name: str) -> int:
-        return self.world.row(self.told.state.actors[name].uid)
+        return self.world.row(self.running.state.actors[name].uid)
 
     def x(self, name: str) -> float:
         return float(self.world.x[self.row(name)])
@@ -195,5 +195,5 @@ class Telling:
         return float(self.world.speed[self.row(name)])
 
     def began(self, kind: str, name: str) -> bool:
-        board = self.told.board
-        return any(self.told.state.board.counts[number] for number in board.find(kind, name))
+        board = self.running.board
+        return any(self.running.state.board.counts[number] for number in board.find(kind, name))

@@ -136,7 +136,7 @@ def test_a_vehicle_follows_the_rest_of_its_route() -> None:
 
 def test_lanes_of_vehicles_are_looked_up_only_where_a_trigger_asks_for_them() -> None:
     node = begin(scene(*[car(CUT_IN, ratio=0.3 + 0.01 * i) for i in range(40)]))
-    told = node.component(Stories).told
+    told = node.component(Stories).running
     assert told is not None
     before = told._map.project.cache_info().misses
     run(node, 25)

@@ -9,8 +9,8 @@ import numpy.typing as npt
 import pytest
 
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, StoryMap
-from rosbridge_sim.simulator.story.cast import Cast, StoryActor
 from rosbridge_sim.simulator.story.measures import Measures
+from rosbridge_sim.simulator.story.story_actors import StoryActor, StoryActors
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 from tests.simulator.story.story_texts import Telling, after, at, by_entity, event, group, speed, story, teleport
@@ -23,7 +23,7 @@ def free_way(pose: tuple[float, float, float]) -> float:
     """The free distance from the ego to a car with this place and heading."""
     near = by_entity("Ego", f'<RelativeDistanceCondition entityRef="Car" {EUCLIDEAN}/>')
     telling = Telling(story({**EGO, "Car": teleport(at(*pose))}, group("Car", event("near", speed(1), near))))
-    return telling.told.state.board.figures[0]
+    return telling.running.state.board.figures[0]
 
 
 def outline(x: float, y: float, h: float) -> npt.NDArray[np.complex128]:
@@ -61,10 +61,10 @@ def ring() -> StoryMap:
 @pytest.mark.parametrize("angle", [0.3, 1.5, -0.3, -1.5])
 def test_on_a_ring_what_is_nearer_behind_is_behind(angle: float) -> None:
     here, there = StoryActor(uid=1), StoryActor(uid=2)
-    cast = Cast(World(), ring(), {"here": here, "there": there}, {}, {})
+    actors = StoryActors(World(), ring(), {"here": here, "there": there}, {}, {})
     for actor, turn in ((here, 0.2), (there, 0.2 + angle)):
-        cast.put(actor, MapPlace(25.0 * math.cos(turn), 25.0 * math.sin(turn), 0.0, turn + 0.5 * math.pi))
-    assert Measures(cast).along("here", "there", "road") == pytest.approx(25.0 * angle, abs=0.1)
+        actors.put(actor, MapPlace(25.0 * math.cos(turn), 25.0 * math.sin(turn), 0.0, turn + 0.5 * math.pi))
+    assert Measures(actors).along("here", "there", "road") == pytest.approx(25.0 * angle, abs=0.1)
 
 
 def test_hundreds_of_conditions_about_the_ego_look_for_its_lane_once_a_step() -> None:
@@ -72,7 +72,7 @@ def test_hundreds_of_conditions_about_the_ego_look_for_its_lane_once_a_step() ->
     cars = {f"C{i}": teleport(at(30.0 + 4.0 * i, 3.5 * (i % 3 - 1))) + speed(10) for i in range(60)}
     groups = [group(name, event(f"e{name}", speed(1), by_entity(name, near)), name=f"g{name}") for name in cars]
     telling = Telling(story({**EGO, **cars}, *groups, group("Ego", event("x", speed(10), after(0)), name="g")))
-    story_map = telling.told._map
+    story_map = telling.running._map
     telling.run(0.1)
     before = story_map.project.cache_info().misses
     telling.run(1.0)

@@ -192,7 +192,7 @@ def test_a_state_that_is_none_is_told_with_its_line_and_left_out_if_lenient(text
         scenario_of(text)
     telling = Telling(text, is_lenient=True)
     telling.run(0.5)
-    assert not telling.told.state.lights
+    assert not telling.running.state.lights
     assert telling.speed("Ego") == pytest.approx(10.0)
 
 

@@ -161,7 +161,7 @@ def test_a_reset_begins_the_story_again() -> None:
     telling = Telling(TEXT)
     first = hashes(telling, 30)
     telling.node.context.scene_changes.reset(None, 0.0)
-    assert telling.told.time() == 0.0
+    assert telling.running.time() == 0.0
     assert hashes(telling, 30) == first
 
 
@@ -174,7 +174,7 @@ def test_another_scenario_ends_the_story_and_gives_the_ego_back() -> None:
     assert ego.shift(Gear.REVERSE) == "gear REVERSE refused: a story moves ego 0"
     plain = replace(scenario_of(TEXT), story=None)
     context.scene_changes.carry_out(context.scene.prepare(plain, WHOLE), is_pausing=False, now=0.0)
-    assert telling.node.component(Stories).told is None
+    assert telling.node.component(Stories).running is None
     assert context.egos.first.set_ctrl_mode(CtrlMode.KEYBOARD) is None
     assert hashes(telling, 5)
 

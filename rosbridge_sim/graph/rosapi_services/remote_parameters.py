@@ -14,9 +14,9 @@ import orjson
 
 from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.node_parameters import SAME_AS, fields_of, text_of
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.rosapi_services.node_parameters import SAME_AS, fields_of, text_of
 from rosbridge_sim.graph.topics_services import Answer, Call, Handle, Service
 from rosbridge_sim.graph.ways import Use, Way
 

@@ -66,7 +66,7 @@ class StoryActor:
         is_placed: an action has placed it in this step.
         shown: its `POSE` at the begin of the step; empty unless the story moves it.
         is_changing_lane: from the end of this step on it follows the line of the lane that it is on then.
-        is_lane_old: the world has moved it since its place on a lane was looked up, see `Cast.on_lane`.
+        is_lane_old: the world has moved it since its place on a lane was looked up, see `StoryActors.on_lane`.
     """
 
     uid: int = -1
@@ -113,7 +113,7 @@ class StoryActor:
         return -1.0 if math.cos(self.turned) < 0.0 else 1.0
 
 
-class Cast:
+class StoryActors:
     """The actors of a story in a world.
 
     Attributes:
@@ -134,7 +134,7 @@ class Cast:
         Args:
             holds: by name, how near an ego is when an actor begins to move, and its longest way; 0 for none [m].
         """
-        self.world, self.map, self.actors, self.bodies = world, story_map, actors, bodies
+        self.world, self.map, self.by_name, self.bodies = world, story_map, actors, bodies
         self._holds = holds
         self.touching: dict[int, list[int]] = {}
         self._offsets: dict[str, float] = {}
@@ -146,7 +146,7 @@ class Cast:
         Raises:
             DocumentError: it is not.
         """
-        actor = self.actors[name]
+        actor = self.by_name[name]
         if actor.uid < 0:
             raise DocumentError(f"{printable(name, 60)} is not in the world")
         return actor
@@ -228,9 +228,9 @@ class Cast:
         for one, other in touched:
             self.touching.setdefault(one, []).append(other)
             self.touching.setdefault(other, []).append(one)
-        for actor in self.actors.values():
+        for actor in self.by_name.values():
             actor.uid = actor.uid if actor.uid in world else -1
-        there = {name: actor for name, actor in self.actors.items() if actor.uid >= 0}
+        there = {name: actor for name, actor in self.by_name.items() if actor.uid >= 0}
         moved = [actor for actor in there.values() if actor.mode != STORY]
         rows = [world.row(actor.uid) for actor in moved]
         poses = np.array([getattr(world, column)[rows] for column in (*POSE, "accel")])
@@ -249,8 +249,8 @@ class Cast:
 
     def begin_step(self) -> None:
         """Note poses and offsets before the actions of a step change them."""
-        self._offsets = {name: actor.offset for name, actor in self.actors.items()}
-        for name, actor in self.actors.items():
+        self._offsets = {name: actor.offset for name, actor in self.by_name.items()}
+        for name, actor in self.by_name.items():
             actor.is_placed, actor.way_speed = False, None
             actor.shown = _pose(actor) if actor.uid in self.world and actor.mode == STORY else []
             self._hold(name, actor)
@@ -271,7 +271,7 @@ class Cast:
 
     def move(self) -> None:
         """Move all actors of the story by a step."""
-        moved = {name: actor for name, actor in self.actors.items() if actor.shown}
+        moved = {name: actor for name, actor in self.by_name.items() if actor.shown}
         rest = {name: actor for name, actor in moved.items() if not actor.is_placed}
         held = {name for name, distances in self._holds.items() if any(distances)}
         on_lanes = {name: actor for name, actor in rest.items() if actor.lane >= 0 and name not in held}
@@ -302,7 +302,7 @@ class Cast:
             share: of the story's step that is over at the end of the world's.
         """
         if self._moved is None:
-            moved = [actor for actor in self.actors.values() if actor.shown]
+            moved = [actor for actor in self.by_name.values() if actor.shown]
             begin = np.array([actor.shown for actor in moved]).reshape(-1, len(POSE)).T
             change = np.array([_pose(actor) for actor in moved]).reshape(-1, len(POSE)).T - begin
             change[_YAW] = np.remainder(change[_YAW] + math.pi, math.tau) - math.pi

@@ -179,7 +179,7 @@ def test_a_relative_speed_that_is_continuous_follows() -> None:
     assert telling.speed("Car") == 15.0
     telling.run(1.0)
     assert telling.speed("Car") == 6.0
-    assert not telling.told.is_done(telling.told.state.running[0].number)
+    assert not telling.running.is_done(telling.running.state.running[0].number)
 
 
 @pytest.mark.parametrize("shape", ["linear", "sinusoidal", "cubic"])
@@ -190,7 +190,7 @@ def test_a_lane_change_has_its_shape_and_ends_in_the_middle_of_the_lane(shape: s
         telling.run(0.1)
         assert telling.y("Car") == pytest.approx(3.5 * shape_at(shape, tenth / 20.0), abs=1e-9)
     telling.run(0.1)
-    actor = telling.told.state.actors["Car"]
+    actor = telling.running.state.actors["Car"]
     assert telling.world.roads.ids[actor.lane] == "left"
     assert actor.offset == pytest.approx(0.0, abs=1e-9)
     assert actor.turned == 0.0
@@ -378,7 +378,7 @@ def test_shifts_to_the_side_follow_each_other_at_their_times() -> None:
     begun: dict[str, float] = {}
     for _ in range(400):
         telling.run(0.02)
-        begun |= {name: telling.told.time() for name in "abc" if name not in begun and telling.began("Event", name)}
+        begun |= {name: telling.running.time() for name in "abc" if name not in begun and telling.began("Event", name)}
     long = math.pi * math.sqrt(1.5 / 4.0)  # pi sqrt(d / 2 a)
     assert begun["a"] == pytest.approx(1.0)
     assert begun["b"] == pytest.approx(2.0 + long, abs=0.1)
@@ -396,9 +396,9 @@ def test_a_lead_car_brakes_and_the_story_ends_a_time_later() -> None:
     assert telling.speed("Car") == 0.0
     assert telling.x("Car") == pytest.approx(60.0 + 20.0 + 10.0, abs=0.5 * 10.0 * 0.05)
     telling.run(0.8)
-    assert not telling.told.state.board.is_over
+    assert not telling.running.state.board.is_over
     telling.run(0.3)
-    assert telling.told.state.board.is_over
+    assert telling.running.state.board.is_over
 
 
 def test_a_speed_profile_goes_through_its_entries() -> None:
@@ -462,8 +462,8 @@ def test_triggers_see_an_ego_of_the_program_where_it_is_at_the_step() -> None:
         telling.run(0.02)
         if telling.began("Event", "go"):
             break
-    assert telling.told.time() == pytest.approx(0.25)
-    assert telling.told.state.actors["Ego"].x == pytest.approx(20.0 + 2.5)
+    assert telling.running.time() == pytest.approx(0.25)
+    assert telling.running.state.actors["Ego"].x == pytest.approx(20.0 + 2.5)
 
 
 def test_entities_are_added_and_deleted() -> None:
@@ -473,11 +473,11 @@ def test_entities_are_added_and_deleted() -> None:
     )
     events = event("add", add, after(1)), event("go", speed(2), after(1.5)), event("delete", delete, after(3))
     telling = Telling(story({**EGO, "Late": ""}, group("Late", *events)))
-    assert telling.told.state.actors["Late"].uid == -1
+    assert telling.running.state.actors["Late"].uid == -1
     telling.run(2.0)
     assert (telling.x("Late"), telling.y("Late")) == pytest.approx((50.96, 3.5), abs=0.05)
     telling.run(1.1)
-    assert telling.told.state.actors["Late"].uid == -1
+    assert telling.running.state.actors["Late"].uid == -1
     assert len(telling.world) == 1
 
 
@@ -635,7 +635,7 @@ def test_variables_are_set_and_compared() -> None:
     events = event("add", add, after(1)), event("go", speed(3), three)
     telling = Telling(story(with_car(), group("Car", *events), more=more))
     telling.run(1.2)
-    assert telling.told.state.values["n"] == "3.0"
+    assert telling.running.state.values["n"] == "3.0"
     assert telling.speed("Car") == 3.0
 
 
@@ -668,7 +668,7 @@ def test_the_stop_trigger_ends_the_story_and_its_actions() -> None:
     stop = trigger(after(2), tag="x").removeprefix("<x>").removesuffix("</x>")
     telling = Telling(story(with_car(), group("Car", goal), stop=stop))
     telling.run(2.1)
-    assert telling.told.state.board.is_over
+    assert telling.running.state.board.is_over
     now = telling.speed("Car")
     telling.run(1.0)
     assert telling.speed("Car") == now
@@ -682,7 +682,7 @@ def test_an_evaluation_gives_a_verdict() -> None:
         for each, name in ((success, "Success"), (failure, "Failure"))
     )
     telling = Telling(story(EGO, end=f"<Evaluation>{success}<FailureConditionGroup/>{failure}</Evaluation>"))
-    board = telling.told.board
+    board = telling.running.board
     telling.run(1.9)
     assert board.verdict() == StoryVerdict("undecided")
     telling.run(0.2)
@@ -698,13 +698,13 @@ def test_of_two_verdicts_in_one_frame_failure_counts() -> None:
     both = "".join(f"<{kind}ConditionGroup>{after(1)}</{kind}ConditionGroup>" for kind in ("Success", "Failure"))
     telling = Telling(story(EGO, end=f"<Evaluation>{both}</Evaluation>"))
     telling.run(1.2)
-    assert telling.told.board.verdict().result == "failure"
+    assert telling.running.board.verdict().result == "failure"
 
 
 def test_a_story_without_an_evaluation_has_no_verdict() -> None:
     telling = Telling(story(EGO))
     telling.run(0.2)
-    assert telling.told.board.verdict() == StoryVerdict()
+    assert telling.running.board.verdict() == StoryVerdict()
 
 
 def walker(**distances: object) -> str:
@@ -743,4 +743,4 @@ def test_lenient_starts_no_event_whose_trigger_is_refused_and_gives_no_verdict_f
     telling = Telling(text, is_lenient=True)
     telling.run(0.2)
     assert telling.speed("Ego") == 10.0
-    assert telling.told.board.verdict() == StoryVerdict()
+    assert telling.running.board.verdict() == StoryVerdict()

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import pytest
 from ruamel.yaml import YAML
 
-from rosbridge_sim.cli.tools.layout import VIEWERS, choose_names
+from rosbridge_sim.cli.simulator.layout import VIEWERS, choose_names
 from rosbridge_sim.shell.app import Simulator
 from tests.cli.tool_fixture import in_the_background, run
 

@@ -8,10 +8,16 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.node_parameters import MAX_LISTED, MAX_NAMES, MAX_TEXT, MAX_VALUES, provide_node_parameters
 from rosbridge_sim.graph.parameters import MAX_PARAMETER_BYTES
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.node_parameters import (
+    MAX_LISTED,
+    MAX_NAMES,
+    MAX_TEXT,
+    MAX_VALUES,
+    provide_node_parameters,
+)
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from tests.graph.bus_fixture import Wire, make_bus, make_store
 
 NODE = "/rosapi"

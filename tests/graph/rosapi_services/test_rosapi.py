@@ -6,10 +6,10 @@ import json
 
 import pytest
 
-from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services import rosapi
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.loose_types import JsonValue
 from tests.graph.bus_fixture import Wire, make_bus, make_peer, make_store
 from tests.schema.strategies import shared_store

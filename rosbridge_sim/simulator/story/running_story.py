@@ -1,7 +1,7 @@
-"""A story that is told in a world: its storyboard, its actors and the actions that go on.
+"""A story that runs in a world: its storyboard, its actors and the actions that go on.
 
 A story has steps of its own, of `STORY_STEP`. At the begin of each one, behind a frame, the triggers are looked at,
-actions begin or end, and they move the actors to the end of the step (`tell`). Each frame shows the actors where they
+actions begin or end, and they move the actors to the end of the step (`step`). Each frame shows the actors where they
 are between both ends (`move`). All that lasts is in `StoryState`, which is plain data.
 """
 
@@ -25,11 +25,21 @@ from rosbridge_sim.scenarios.openscenario.storyboard import BoardState, Storyboa
 from rosbridge_sim.scenarios.scenario import Driver, Spawn
 from rosbridge_sim.simulator.scene.scene import Scene, lane_start
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES
-from rosbridge_sim.simulator.story.cast import DRIVER, MODES, POSE, PROGRAM, STANDS, STORY, STORY_STEP, Cast, StoryActor
 from rosbridge_sim.simulator.story.conditions import measure
 from rosbridge_sim.simulator.story.measures import Measures
 from rosbridge_sim.simulator.story.motions import MOTIONS, Running
-from rosbridge_sim.simulator.story.stage import Stage
+from rosbridge_sim.simulator.story.story_actors import (
+    DRIVER,
+    MODES,
+    POSE,
+    PROGRAM,
+    STANDS,
+    STORY,
+    STORY_STEP,
+    StoryActor,
+    StoryActors,
+)
+from rosbridge_sim.simulator.story.story_context import StoryContext
 from rosbridge_sim.world.state.placement import set_speed
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, Kind
 
@@ -71,11 +81,11 @@ SetWeather: TypeAlias = Callable[[str, float | None], None]
 """Sets a weather, empty for the present one, and a friction, None for that of the weather."""
 
 
-class ToldStory:
+class RunningStory:
     """A story in a world. It is the host of its storyboard.
 
     Attributes:
-        story: what is told.
+        story: the parts of the file.
         board: its storyboard.
         state: all that changes.
     """
@@ -129,9 +139,9 @@ class ToldStory:
         self.board.state = state.board
         self._keep(list(state.running))
         bodies = {name: spawn.model.body for name, spawn in self._spawns.items()}
-        self._cast = Cast(self._world, self._map, state.actors, bodies, self.story.holds)
+        self._actors = StoryActors(self._world, self._map, state.actors, bodies, self.story.holds)
         sees = self._shows, self._is_in_phase, self.time
-        self._stage = Stage(self._cast, Measures(self._cast), self.board, state.values, *sees)
+        self._context = StoryContext(self._actors, Measures(self._actors), self.board, state.values, *sees)
 
     def _link(self) -> None:
         """Find the actors in the world, by their names."""
@@ -148,7 +158,7 @@ class ToldStory:
             if row is None:
                 continue
             actor.uid = int(world.uid[row])
-            self._cast.read(actor)
+            self._actors.read(actor)
 
     def time(self) -> float:
         """Return the time from the start to the begin of the present step [s]."""
@@ -164,7 +174,7 @@ class ToldStory:
                 self._begin(-1 - number, action, names)
         for actor in self.state.actors.values():
             if actor.uid >= 0 and actor.mode == STORY:
-                self._cast.show(actor)
+                self._actors.show(actor)
             elif actor.uid >= 0 and actor.mode == PROGRAM:
                 set_speed(self._world, self._world.row(actor.uid), actor.speed)
         self._advance()
@@ -187,7 +197,7 @@ class ToldStory:
         """Return the steps from the start to the end of the world's next frame."""
         return (self._world.frame + 1 - self.state.start) * DT / STORY_STEP
 
-    def tell(self) -> None:
+    def step(self) -> None:
         """Begin the next step, behind a frame, if the next frame ends in it."""
         step, state = math.ceil(self._steps() - SAME_TIME) - 1, self.state
         if "CollisionCondition" in self._looks_at:
@@ -198,7 +208,7 @@ class ToldStory:
             if self.story.is_of_blocks:
                 self._hand_back()
             later = self.time() - (self._world.frame - state.start) * DT
-            self._cast.observe(later, state.touched, minds_lanes="OffroadCondition" in self._looks_at)
+            self._actors.observe(later, state.touched, minds_lanes="OffroadCondition" in self._looks_at)
             state.touched = []
             self._advance()
         for name, text in state.lights.items():
@@ -218,19 +228,19 @@ class ToldStory:
             if actor.told_speed is not None:
                 driver = replace(driver, desired_speed=actor.told_speed)
             if driver.desired_speed >= STANDS:
-                self._cast.read(actor)  # where the last frame has shown it
-                self._cast.hand_over(actor, driver)
+                self._actors.read(actor)  # where the last frame has shown it
+                self._actors.hand_over(actor, driver)
 
     def move(self) -> None:
         """Show the actors where they are at the end of a frame, within the world's step."""
-        self._cast.show_between(min(self._steps() - self.state.step, 1.0))
+        self._actors.show_between(min(self._steps() - self.state.step, 1.0))
 
     def _move_actors(self) -> None:
         """Move the actors by a step of the story.
 
         Actions act in the order of the file. A lateral one moves its actor with the speed that it finds, as in esmini.
         """
-        self._cast.begin_step()
+        self._actors.begin_step()
         state = self.state
         going: list[Running] = []
         for running in sorted(state.running, key=lambda each: (each.number >= 0, abs(each.number))):
@@ -239,12 +249,12 @@ class ToldStory:
             if "lateral" in motion.domains:
                 actor.way_speed = actor.speed
             try:
-                if actor.uid >= 0 and not motion.advance(self._stage, item, actor, running):
+                if actor.uid >= 0 and not motion.advance(self._context, item, actor, running):
                     going.append(running)
             except DocumentError as error:
                 self._tell(item, error)
         self._keep(going)
-        self._cast.move()
+        self._actors.move()
 
     def _keep(self, going: list[Running]) -> None:
         """Have these actions go on, and no others."""
@@ -255,7 +265,7 @@ class ToldStory:
 
     def measure(self, condition: StoryItem) -> tuple[bool, float]:
         """See `Host`."""
-        return measure(self._stage, condition)
+        return measure(self._context, condition)
 
     def begin(self, number: int) -> None:
         """See `Host`. Global actions act at once, so that later triggers see it; private ones behind all triggers."""
@@ -293,19 +303,19 @@ class ToldStory:
         if item.kind == "TeleportAction" and self.state.actors[name].uid < 0:
             self._add(name, item.part("Position"))
             return
-        actor = self._cast.on_lane(name)
+        actor = self._actors.on_lane(name)
         if actor.mode == PROGRAM and motion.domains and item.kind != "SpeedAction":
             return  # the user's program moves it
         running = Running(number, name)
         if motion.domains and actor.mode == DRIVER:
             actor.mode = STORY
-            self._cast.show(actor)
+            self._actors.show(actor)
         self.state.running[:] = [
             other
             for other in self.state.running
             if other.entity != name or not set(motion.domains) & set(MOTIONS[self._item_of(other.number).kind].domains)
         ]
-        if not motion.begin(self._stage, item, actor, running):
+        if not motion.begin(self._context, item, actor, running):
             self.state.running.append(running)
 
     def _item_of(self, number: int) -> StoryItem:
@@ -356,12 +366,12 @@ class ToldStory:
             raise DocumentError(f"{printable(name, 60)} is in the world already")
         if len(self._world) >= MAX_ENTITIES:
             raise DocumentError(f"the world holds {MAX_ENTITIES:,} at most")
-        place = self._map.find_place(position, self._cast.locate)
+        place = self._map.find_place(position, self._actors.locate)
         spawn = self._spawns[name]
         actor.uid = self._scene.add_agent(replace(spawn, x=place.x, y=place.y, z=place.z, yaw=place.yaw, speed=0.0))
         actor.speed = 0.0
-        self._cast.put(actor, place)
-        self._cast.show(actor)
+        self._actors.put(actor, place)
+        self._actors.show(actor)
 
     def _remove(self, name: str) -> None:
         actor = self.state.actors[name]

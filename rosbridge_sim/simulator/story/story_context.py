@@ -1,4 +1,4 @@
-"""The scene of a story as its conditions and actions see it."""
+"""What conditions and actions of a story may read and change."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping
 
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.openscenario.storyboard import Storyboard
-from rosbridge_sim.simulator.story.cast import Cast
 from rosbridge_sim.simulator.story.measures import Measures
+from rosbridge_sim.simulator.story.story_actors import StoryActors
 
 
-class Stage(Record, eq=False):
-    """The scene of a story.
+class StoryContext(Record, eq=False):
+    """Actors, distances, storyboard, variables, lights and time of a running story.
 
     Attributes:
         values: of variables and parameters, by name.
@@ -20,7 +20,7 @@ class Stage(Record, eq=False):
         time: since the start of the story [s].
     """
 
-    cast: Cast
+    actors: StoryActors
     measures: Measures
     board: Storyboard
     values: Mapping[str, str]

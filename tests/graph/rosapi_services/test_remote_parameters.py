@@ -8,8 +8,8 @@ import pytest
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
-from rosbridge_sim.graph.remote_parameters import PATIENCE, RemoteParameters
-from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.rosapi_services.remote_parameters import PATIENCE, RemoteParameters
+from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Call
 from tests.graph.bus_fixture import Wire, make_store
 from tests.graph.participants import Somebody
