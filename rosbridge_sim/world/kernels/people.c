@@ -6,14 +6,14 @@ static D path_ahead(const W *p, I i, D arc, D distance) {
   return p->is_loop[i] ? fmod(there, p->path_length[i]) : least(there, p->path_length[i]);
 }
 
-/* Paths.find */
+/* Paths.find; of a place that is no number the last leg, as numpy finds it. */
 static const D *find_leg(const W *p, I i, D arc) {
   I key = p->base[i] + (I)(arc * KEYS_PER_METRE), from = 0, num = p->num_keys;
   while (num > 0) {
     I half = num / 2;
     if (p->keys[from + half] <= key) { from += half + 1; num -= half + 1; } else num = half;
   }
-  return p->segments + LEG_COLUMNS * (from - 1);
+  return p->segments + LEG_COLUMNS * ((from ? from : p->num_keys) - 1);
 }
 
 /* _People._feet: the foot of person i on a leg; returns whether it is at the end. */

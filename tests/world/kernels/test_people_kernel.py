@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.people.people import COMMITTED, People
+from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.worlds.worlds import Worlds
-from tests.world.kernels.compiled_loops import needs_compiler, with_loops
+from tests.world.kernels.compiled_loops import make_people_kernel, needs_compiler, with_loops
 from tests.world.kernels.test_lane_kernel import bits, check_both
 from tests.world.people.test_crossing_one_by_one import people_at_the_road, street
 from tests.world.people.test_walking_one_by_one import crowd
@@ -75,3 +76,17 @@ def test_people_of_many_worlds_have_the_bits_of_arrays() -> None:
         with with_loops():
             other.step({"steering": 0.0, "speed": 3.0}, 7)
         assert one.digests() == other.digests()
+
+
+def test_place_that_is_no_number_is_on_the_last_leg() -> None:
+    world = crowd(0)
+    people = world.derived(People)
+    _, goal, _ = people.find_places()
+    world.leg_start[people.rows[::2]] = np.nan
+    people.take_kernel(make_people_kernel())
+    assert people.kernel is not None
+    arc, found, _ = people.kernel.find_places()
+    assert found[1::2].tobytes() == goal[1::2].tobytes()
+    last = world.paths.segments[-1]
+    along = (world.x[people.rows] - last[X]) * last[DX] + (world.y[people.rows] - last[Y]) * last[DY]
+    assert arc[::2] == pytest.approx(last[START] + np.clip(along, 0.0, last[END] - last[START])[::2], abs=0.31)
