@@ -132,6 +132,7 @@ def test_objects_are_counted_in_lists_of_fixed_and_of_any_length_and_behind_mess
     assert whole.decode(raw, 0) == value
     # Two and three parts with a text each, one message without fields, and two names.
     assert count_objects(raw, whole.name, whole.definitions, 100) == (2 * 2 + 2 * 3 + 1 + 2, len(raw))
+    assert count_objects(raw, whole.name, whole.definitions, 13) == (13, len(raw))
     assert count_objects(raw, whole.name, whole.definitions, 5)[0] > 5
     for length in (4, 20, len(raw) - 12):
         with pytest.raises((struct.error, IndexError)):
@@ -162,6 +163,31 @@ def test_messages_of_many_small_parts_are_bounded_and_large_clouds_are_not() -> 
     field = store.message("sensor_msgs/PointField").struct_type(name="x")
     value = cloud.type.struct_type(fields=[field] * 6, data=bytes(400_000))
     assert len(cloud.decode(cloud.encode(Message(cloud.type, value)), 0).data) == 400_000
+
+
+def test_message_of_just_as_many_texts_as_are_read_is_read() -> None:
+    joints = make_types(1)[1].find("sensor_msgs/JointState")
+    make = joints.type.struct_type
+    for num, is_read in (
+        (MAX_OBJECTS - 3, True),
+        (MAX_OBJECTS - 2, False),
+    ):  # the header with stamp and text counts, too
+        raw = joints.encode(Message(joints.type, make(name=["j"] * num)))
+        if is_read:
+            assert joints.decode(raw, 0).name == ["j"] * num
+        else:
+            with pytest.raises(FieldError, match="at most 4,000 messages and texts"):
+                joints.decode(raw, 0)
+
+
+def test_parts_of_services_and_actions_are_made_once() -> None:
+    _, types = make_types(1)
+    first, again = (types.find_service("std_srvs/SetBool") for _ in range(2))
+    assert first.request is again.request
+    assert first.response is again.response
+    one, other = (types.find_action("example_interfaces/Fibonacci") for _ in range(2))
+    assert one.goal is other.goal
+    assert one.feedback is other.feedback
 
 
 def test_types_that_ros2_does_not_have_are_refused_each_time() -> None:
