@@ -99,7 +99,7 @@ simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.mo
 simulator.replays: * graph morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene units world world.geometry world.state
 simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain
-    simulator.scene world.drivers world.geometry world.lane_changes world.state
+    simulator.scene world.contacts world.drivers world.geometry world.lane_changes world.state
 simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.state
 simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel

@@ -40,6 +40,7 @@ from rosbridge_sim.simulator.story.story_actors import (
     StoryActors,
 )
 from rosbridge_sim.simulator.story.story_context import StoryContext
+from rosbridge_sim.world.contacts.contacts_without_cars import find_without_cars
 from rosbridge_sim.world.state.placement import set_speed
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, MAX_SPEED, Kind
 
@@ -201,7 +202,8 @@ class RunningStory:
         """Begin the next step, behind a frame, if the next frame ends in it."""
         step, state = math.ceil(self._steps() - SAME_TIME) - 1, self.state
         if "CollisionCondition" in self._looks_at:
-            pairs = ((one, other) for one, other in self._world.contacts.tolist())
+            found = *self._world.contacts.tolist(), *find_without_cars(self._world).tolist()
+            pairs = ((one, other) for one, other in found)
             state.touched = list(dict.fromkeys((*state.touched, *pairs)))
         if step > state.step:
             state.step = step

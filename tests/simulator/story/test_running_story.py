@@ -611,6 +611,14 @@ def test_a_contact_of_one_frame_between_two_steps_counts(ahead: float) -> None:
     assert telling.began("Event", "hit")
 
 
+@pytest.mark.parametrize("hit", ['<EntityRef entityRef="walker2"/>', '<ByType type="pedestrian"/>'])
+def test_pedestrians_who_meet_have_a_collision(hit: str) -> None:
+    # 3 m apart, boxes of 0.5 m, 1 m/s: they meet after 2.5 s.
+    init = {"walker1": teleport(at(100.0, 20.0)) + speed(1), "walker2": teleport(at(103.0, 20.0)) + speed(0)}
+    condition = by_entity("walker1", f"<CollisionCondition>{hit}</CollisionCondition>")
+    assert first_frame(condition, {**EGO, **init}) == pytest.approx(2.5, abs=0.05)
+
+
 def test_what_is_behind_has_no_headway_and_no_time_to_collision() -> None:
     condition = (
         '<TimeHeadwayCondition entityRef="Car" value="0" rule="greaterThan" freespace="false" alongRoute="true"/>'
