@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import Endpoint
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph
 from rosbridge_sim.graph.gateway.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PERIOD, Gateway
 from rosbridge_sim.graph.gateway.quality import PROFILES, Quality
 from rosbridge_sim.graph.policy import Policy, Rule
@@ -36,6 +36,7 @@ class GraphInMemory:
         topics: Rule | None = None,
         qualities: Sequence[tuple[str, Quality]] = (),
         ros: Generation = 1,
+        far: FarGraph = ROS2_GRAPH,
     ) -> None:
         self.bus = Bus(make_store(ros))
         self.refusals: list[RefusedRequest] = []
@@ -50,7 +51,7 @@ class GraphInMemory:
         self.types_held: dict[str, tuple[str, float]] = {}
         self.now = 0.0
         self.gateway = Gateway(
-            ROS2_GRAPH,
+            far,
             self.bus,
             self.types.find,
             self,
@@ -550,6 +551,59 @@ def test_lines_about_endpoints_are_gathered_for_two_seconds(
     assert not warned()
     graph.gateway.advance(told)
     assert len(warned()) == 1
+
+
+def test_nodes_that_subscribe_and_topics_that_do_not_pass_are_not_advertised_here(graph: GraphInMemory) -> None:
+    graph.meet("/wish", is_writer=False)
+    graph.meet("/rosout", is_writer=True)
+    assert not graph.bus.holdings(graph.gateway).published
+    assert "/rosout" not in graph.bus.topics
+
+
+def test_quality_of_subscriptions_of_nodes_changes_no_reader_of_ours(graph: GraphInMemory) -> None:
+    Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
+    graph.meet("/plan", is_writer=True, quality=Quality(is_latched=True))
+    graph.meet("/plan", is_writer=False, quality=Quality(is_reliable=False))
+    assert graph.readers == {"/plan": Quality(is_latched=True)}
+
+
+def test_many_topics_of_nodes_end_a_few_in_each_turn(graph: GraphInMemory) -> None:
+    num = 2 * ADVERTISED_PER_TURN + 3
+    endpoints = [Endpoint(f"{i}", f"/t{i}", DDS_STRING, True, Quality(), "/many") for i in range(num)]  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints(endpoints, [], graph.now)
+    graph.settle()
+    graph.gateway.note_endpoints([], [one.key for one in endpoints], graph.now)
+    sizes = []
+    while graph.gateway.next_due(graph.now) is not None:
+        graph.now += PERIOD
+        graph.gateway.advance(graph.now)
+        sizes.append(len(graph.bus.holdings(graph.gateway).published))
+    assert sizes == [num - ADVERTISED_PER_TURN, 3, 0]
+
+
+def test_subscription_that_the_library_refuses_is_told(graph: GraphInMemory, warned: Callable[[], list[str]]) -> None:
+    graph.why_not = "out of resources"
+    Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
+    graph.settle()
+    assert not graph.readers
+    assert warned() == ["/plan cannot be subscribed to: out of resources"]
+
+
+def test_latched_messages_are_asked_for_where_the_graph_does_not_keep_them() -> None:
+    graph = GraphInMemory(far=replace(ROS2_GRAPH, keeps_latched=False))
+    car = Somebody("/car")
+    plate, state = graph.bus.advertise(car, "/plate", STRING, depth=2), graph.bus.advertise(car, "/state", STRING)
+    for topic in (plate, state):
+        for data in ("12 GA 3456", "34 NA 1"):
+            graph.bus.publish(car, topic, text(graph.bus, data), 0.0)
+    graph.settle()
+    assert graph.heard() == []
+    assert not plate.has_listener
+    held = graph.gateway.latched("/plate")
+    assert [graph.types.find(STRING).decode(raw, 0).data for raw in held][-1:] == ["34 NA 1"]
+    assert list(graph.gateway.latched("/state")) == list(graph.gateway.latched("/nowhere")) == []
+    graph.gateway.leave(graph.now)
+    assert list(graph.gateway.latched("/plate")) == []
 
 
 def test_what_the_bus_asks_the_gateway_follows_the_patterns_of_access(graph: GraphInMemory) -> None:

@@ -215,6 +215,56 @@ def test_a_request_may_be_refused_before_it_leaves() -> None:
     assert one.asked == []
 
 
+def test_a_service_is_told_of_the_node_that_has_it() -> None:
+    one = ServicesInMemory()
+    one.services.set_foreign([FarService("/lights", SET_BOOL, "/robot"), FarService("/doors", SET_BOOL)])
+    assert set(one.services.nodes("any", "")) == {"/robot", ROS2_GRAPH.name}
+    assert set(one.services.nodes("provider", "/lights")) == {"/robot"}
+    assert set(one.services.nodes("provider", "/doors")) == {ROS2_GRAPH.name}
+    assert set(one.services.nodes("provider", "/nowhere")) == set()
+
+
+def test_a_service_that_is_refused_holds_up_no_other_one_and_the_same_ones_stay() -> None:
+    one = ServicesInMemory()
+    found = [FarService("/odd", "nobody_msgs/Thing"), FarService("/lights", SET_BOOL)]
+    one.services.set_foreign(found)
+    kept = one.bus.services["/lights"]
+    one.ask("/lights", {})
+    one.services.set_foreign(found)
+    assert one.bus.services["/lights"] is kept
+    assert one.answers == [], "what waits goes on"
+
+
+def test_few_services_pass_in_each_direction(caplog: pytest.LogCaptureFixture) -> None:
+    one = ServicesInMemory()
+    one.services.most = 2
+    one.services.set_foreign([FarService(f"/far{i}", SET_BOOL) for i in range(3)])
+    assert list(one.services.foreign) == ["/far0", "/far1"]
+    owner = Somebody()
+    for i in range(2):
+        one.bus.provide(owner, f"/near{i}", SET_BOOL, owner.keep)
+    assert list(one.services.offered()) == ["/near0", "/near1"]
+    assert not caplog.text
+    one.bus.provide(owner, "/near2", SET_BOOL, owner.keep)
+    assert list(one.services.offered()) == ["/near0", "/near1"]
+    assert caplog.text.count("more than 2 services on the bus: the others do not pass") == 1
+
+
+def test_few_callers_are_remembered_and_those_first_that_the_graph_tells_of(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.graph.gateway.node_services.MAX_CALLERS", 2)
+    one = ServicesInMemory()
+    owner = Somebody()
+    one.bus.provide(owner, "/lights", SET_BOOL, owner.keep)
+    for node in ("/a", "/b", "/a", "/c"):
+        one.services.call(node, "/lights", one.cdr(is_request=True), lambda *_told: None, 0.0)
+        one.services.callers["/a"].was_seen = True
+    assert [(name, caller.name) for name, caller in one.services.callers.items()] == [("/a", "/a"), ("/c", "/c")]
+    assert [call.is_done for call in owner.calls] == [False, True, False, False]
+    one.services.callers["/c"].was_seen = True
+    one.services.call("/d", "/lights", one.cdr(is_request=True), lambda *_told: None, 0.0)
+    assert list(one.services.callers) == ["/a", "/c"]
+
+
 def test_leaving_ends_everything_on_the_bus() -> None:
     one = ServicesInMemory()
     one.services.set_foreign([FarService("/lights", SET_BOOL)])
