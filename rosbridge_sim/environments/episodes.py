@@ -10,7 +10,7 @@ import numpy.typing as npt
 from rosbridge_sim.environments.action_kinds import make_action
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import Index, Judgement
-from rosbridge_sim.environments.observations import Seen, observe, pick
+from rosbridge_sim.environments.observations import AHEAD, Lanes, Seen, observe, pick
 from rosbridge_sim.environments.rewards import judge
 from rosbridge_sim.environments.starts import Starts
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
@@ -46,6 +46,8 @@ class Episodes:
         self._rngs = [np.random.default_rng() for _ in range(worlds.num_worlds)]
         self._num = len(worlds.has_ego[at])
         self._red_lights = np.zeros(self._num)
+        self._lanes: Lanes | None = None
+        self._sees_lanes = task.observation in {"Lane", "Kinematics", "Goal", "Dict"}
         self._cameras = _mount_cameras(worlds, task) if task.has_camera else None
 
     def seed(self, number: int, seed: int) -> None:
@@ -55,6 +57,7 @@ class Episodes:
     def begin(self, mask: BoolArray) -> None:
         """Begin new episodes of some worlds, (num_worlds,) bool."""
         worlds, chosen = self.worlds, mask.nonzero()[0].tolist()
+        self._lanes = None
         seeds: list[int | None] = [None] * worlds.num_worlds
         for i in chosen:
             seeds[i] = int(self._rngs[i].integers(self.task.num_starts))
@@ -70,6 +73,7 @@ class Episodes:
             ValueError: the actions have another shape. Nothing has moved.
         """
         chosen = self.action.check(actions, self._num)
+        self._lanes = None
         if self.task.all_weights["red_light"]:
             self._red_lights = self.worlds.scores()["num_red_lights"][self._at]
         self.worlds.step(self.action.command(chosen), self.task.frame_skip)
@@ -82,19 +86,23 @@ class Episodes:
             chosen = np.zeros((self._num, 2))
             scores_before = self.worlds.scores()["num_red_lights"][self._at]
         starts = self.starts
+        lanes = self.worlds.lanes(AHEAD if self._sees_lanes else ())
+        self._lanes = lanes if self._sees_lanes else None
         return judge(
             self.worlds,
             self.task,
             chosen,
             at=self._at,
+            lanes=lanes,
             goals=starts.goals,
             goal_lanes=starts.goal_lanes[self._at],
             red_lights=scores_before,
         )
 
     def observe(self) -> Seen:
-        """Return the observations, (n, ...)."""
-        return pick(observe(self.worlds, self.task, self.starts.goals, self._cameras), self._at)
+        """Return the observations, (n, ...). The lanes of a judgement of this moment are those that are seen."""
+        lanes, self._lanes = self._lanes, None
+        return pick(observe(self.worlds, self.task, self.starts.goals, self._cameras, lanes), self._at)
 
     def is_late(self, max_steps: int | None) -> BoolArray:
         """Return which worlds have driven for so many steps of an episode, (num_worlds,) bool; None for no end."""

@@ -31,6 +31,9 @@ if TYPE_CHECKING:
     from rosbridge_sim.environments.camera import EgoCameras
 
 FloatArray = npt.NDArray[np.float64]
+Lanes = dict[str, FloatArray]
+"""What `DrivableWorlds.lanes` returns."""
+
 Seen = Any
 """An array, or a dict of arrays."""
 
@@ -70,8 +73,10 @@ def _lane_bounds(task: DrivingTask) -> FloatArray:
     return np.array([*LANE_FIGURES.values(), *(LIGHT_FIGURES.values() if task.lights else ())])
 
 
-def _see_lane(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
-    egos, lanes = worlds.egos(("speed", "steer", "yaw_rate")), worlds.lanes(AHEAD)
+def _see_lane(worlds: DrivableWorlds, task: DrivingTask, lanes: Lanes | None) -> FloatArray:
+    egos = worlds.egos(("speed", "steer", "yaw_rate"))
+    if lanes is None:
+        lanes = worlds.lanes(AHEAD)
     columns = [
         *(egos["speed"], lanes["offset"], lanes["heading"], lanes["to_left"], lanes["to_right"]),
         *(egos["steer"], egos["yaw_rate"]),
@@ -88,7 +93,7 @@ def _others_bounds(task: DrivingTask) -> FloatArray:
     return np.tile(np.array(OTHER_BOUNDS), (task.num_others, 1))
 
 
-def _see_others(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
+def _see_others(worlds: DrivableWorlds, task: DrivingTask, _lanes: Lanes | None) -> FloatArray:
     return worlds.others(task.num_others)
 
 
@@ -96,9 +101,9 @@ def _kinematics_bounds(task: DrivingTask) -> FloatArray:
     return np.concatenate([_lane_bounds(task), _others_bounds(task).ravel()])
 
 
-def _see_kinematics(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
-    others = _see_others(worlds, task)
-    return np.concatenate([_see_lane(worlds, task), others.reshape(*others.shape[:2], -1)], axis=-1)
+def _see_kinematics(worlds: DrivableWorlds, task: DrivingTask, lanes: Lanes | None) -> FloatArray:
+    others = _see_others(worlds, task, lanes)
+    return np.concatenate([_see_lane(worlds, task, lanes), others.reshape(*others.shape[:2], -1)], axis=-1)
 
 
 def _grid_bounds(task: DrivingTask) -> FloatArray:
@@ -107,15 +112,18 @@ def _grid_bounds(task: DrivingTask) -> FloatArray:
 
 
 OBSERVATION_PARTS: Final[
-    dict[str, tuple[Callable[[DrivingTask], FloatArray], Callable[[DrivableWorlds, DrivingTask], FloatArray]]]
+    dict[
+        str,
+        tuple[Callable[[DrivingTask], FloatArray], Callable[[DrivableWorlds, DrivingTask, Lanes | None], FloatArray]],
+    ]
 ] = {
     "Lane": (_lane_bounds, _see_lane),
     "Others": (_others_bounds, _see_others),
     "Kinematics": (_kinematics_bounds, _see_kinematics),
-    "OccupancyGrid": (_grid_bounds, lambda worlds, task: worlds.grids(task.grid_size, task.grid_step)),
+    "OccupancyGrid": (_grid_bounds, lambda worlds, task, _: worlds.grids(task.grid_size, task.grid_step)),
     "Lidar": (
         lambda task: np.tile(np.array([task.lidar_range, RAY_SPEED]), (task.num_rays, 1)),
-        lambda worlds, task: worlds.rays(task.num_rays, task.lidar_range),
+        lambda worlds, task, _: worlds.rays(task.num_rays, task.lidar_range),
     ),
 }
 
@@ -144,7 +152,11 @@ def space_of(task: DrivingTask, worlds: DrivableWorlds) -> Space[Any]:
 
 
 def observe(
-    worlds: DrivableWorlds, task: DrivingTask, goals: FloatArray | None = None, cameras: EgoCameras | None = None
+    worlds: DrivableWorlds,
+    task: DrivingTask,
+    goals: FloatArray | None = None,
+    cameras: EgoCameras | None = None,
+    lanes: Lanes | None = None,
 ) -> Seen:
     """Return the observations of all egos, (num_worlds, num_egos, ...) float32, or a dict of them.
 
@@ -152,16 +164,17 @@ def observe(
         goals: (num_worlds, num_egos, 3) east and north of the middle of the bay, and the heading in it; nan without.
             Only `Goal` has them.
         cameras: of these worlds; only `Camera` needs them.
+        lanes: the lanes as they are now, with places at `AHEAD`, if they are known.
     """
     if callable(task.observation):
         return _see_own(worlds, task.observation)
     if task.observation == "Dict":
-        return {name: _see(name, worlds, task, cameras) for name in task.parts}
+        return {name: _see(name, worlds, task, cameras, lanes) for name in task.parts}
     if task.observation == "Goal":
         assert goals is not None
-        seen = _see("Kinematics", worlds, task)
+        seen = _see("Kinematics", worlds, task, lanes=lanes)
         return {"observation": seen, "achieved_goal": achieved_goals(worlds), "desired_goal": desired_goals(goals)}
-    return _see(task.observation, worlds, task, cameras)
+    return _see(task.observation, worlds, task, cameras, lanes)
 
 
 def pick(seen: Seen, index: Any) -> Seen:  # noqa: ANN401 - whatever numpy takes
@@ -177,13 +190,19 @@ def _box(name: str, task: DrivingTask) -> Box:
     return Box(-high, high, bounds.shape, np.float32)
 
 
-def _see(name: str, worlds: DrivableWorlds, task: DrivingTask, cameras: EgoCameras | None = None) -> npt.NDArray[Any]:
+def _see(
+    name: str,
+    worlds: DrivableWorlds,
+    task: DrivingTask,
+    cameras: EgoCameras | None = None,
+    lanes: Lanes | None = None,
+) -> npt.NDArray[Any]:
     if name == "Camera":
         assert cameras is not None
         return cameras.draw()
     bounds_in, measure = OBSERVATION_PARTS[name]
     bounds = bounds_in(task)
-    figures = measure(worlds, task)
+    figures = measure(worlds, task, lanes)
     if task.normalize:
         return np.clip(figures / bounds, -1.0, 1.0).astype(np.float32)
     return np.clip(figures, -bounds, bounds).astype(np.float32)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import BoolArray, FloatArray, Index, Judgement
-from rosbridge_sim.environments.observations import GOAL_FIGURES, achieved_goals, desired_goals
+from rosbridge_sim.environments.observations import GOAL_FIGURES, Lanes, achieved_goals, desired_goals
 from rosbridge_sim.records import replace
 from rosbridge_sim.world.geometry.planar import wrap_angle
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
@@ -40,6 +40,7 @@ def judge(
     goals: FloatArray,
     goal_lanes: npt.NDArray[np.bool_],
     red_lights: FloatArray,
+    lanes: Lanes | None = None,
 ) -> Judgement:
     """Return what the last step was worth.
 
@@ -55,15 +56,17 @@ def judge(
         goals: (num_worlds, num_egos, 3), see `observe`.
         goal_lanes: (n, num_lanes) bool, lanes on which each has arrived; (n, 0) without such a goal.
         red_lights: (n,) passed before the step.
+        lanes: the lanes as they are now, if they are known.
 
     Raises:
         ValueError: the user's function has returned another shape.
     """
-    lanes = {name: values[at] for name, values in worlds.lanes().items()}
+    lanes = worlds.lanes() if lanes is None else lanes
+    lane_of = {name: lanes[name][at] for name in ("offset", "heading", "lane", "s")}
     scores = {name: values[at] for name, values in worlds.scores().items()}
-    speed, offset = worlds.egos(("speed",))["speed"][at], lanes["offset"]
+    speed, offset = worlds.egos(("speed",))["speed"][at], lane_of["offset"]
     # What ends an episode as a failure, and the goal.
-    along = speed * np.cos(lanes["heading"])
+    along = speed * np.cos(lane_of["heading"])
     has_collided = scores["num_collisions"] > 0.0
     is_parking = task.goal == "bay"
     is_off_road = (scores["is_off_road"] > 0.0) | (np.abs(offset) > task.max_offset)
@@ -77,8 +80,8 @@ def judge(
         has_arrived = stands_in_bay(achieved, desired)
         reward += weights["goal"] * goal_cost(achieved, desired)
     elif task.goal:
-        lane = lanes["lane"].astype(np.int64)
-        has_arrived = (lane >= 0) & goal_lanes[np.arange(len(lane)), lane] & (lanes["s"] >= task.goal_s)
+        lane = lane_of["lane"].astype(np.int64)
+        has_arrived = (lane >= 0) & goal_lanes[np.arange(len(lane)), lane] & (lane_of["s"] >= task.goal_s)
     is_failure = has_collided | is_off_road | is_wrong_way
     has_arrived &= ~is_failure
     # The terms of the sum above, in its order.
@@ -86,10 +89,13 @@ def judge(
     reward -= weights["offset"] * np.minimum(np.abs(offset) / 2.0, 1.0)
     reward -= weights["steering"] * np.square(actions[:, 0])
     reward -= weights["failure"] * is_failure
-    reward -= weights["red_light"] * (scores["num_red_lights"] - red_lights)
-    nearness = np.maximum(0.0, 1.0 - scores["time_to_collision"] / NEAR_MISS)
-    reward -= weights["near_miss"] * np.where(np.abs(speed) > STANDING, nearness, 0.0)
-    reward += weights["arrived"] * has_arrived
+    if weights["red_light"]:
+        reward -= weights["red_light"] * (scores["num_red_lights"] - red_lights)
+    if weights["near_miss"]:
+        nearness = np.maximum(0.0, 1.0 - scores["time_to_collision"] / NEAR_MISS)
+        reward -= weights["near_miss"] * np.where(np.abs(speed) > STANDING, nearness, 0.0)
+    if weights["arrived"]:
+        reward += weights["arrived"] * has_arrived
     result = Judgement(
         *(reward, is_failure | has_arrived, has_collided, is_off_road, is_wrong_way, has_arrived),
         *(speed, offset, scores),

@@ -58,6 +58,9 @@ NO_EDGES: Final = 30.0
 """Length of a lane, from where it forks off or up to where it joins others, on which it has no painted edges [m]: the
 width of a large intersection."""
 
+LANES_AHEAD: Final = 5
+"""Lanes straight on that a look along the lane of an ego reaches."""
+
 BESIDE: Final = 0.5
 """A place farther than this beyond the end of a lane is not on it [m]."""
 
@@ -117,10 +120,24 @@ class Score(Record):
 
 
 class Loops(Protocol):
-    """Compiled loops that do the work of `judge` for one set of rows, to the last bit."""
+    """Compiled loops that do the work of arrays for one set of rows, to the last bit."""
 
     def judge(self, before: Before) -> bool:
         """Do what `judge` does; return False if arrays must do it, and nothing has changed."""
+
+    def look(
+        self, rows: IntArray, ahead: FloatArray, straight_on: IntArray
+    ) -> tuple[dict[str, FloatArray], FloatArray] | None:
+        """Return where rows are on their lanes, and places ahead, as `worlds.surroundings.find_lanes` does.
+
+        Args:
+            rows: (k,) int64.
+            ahead: (p,) distances along the lanes [m].
+            straight_on: (l,) int64, for each lane of the map the one after it; -1 at a dead end.
+
+        Returns:
+            Arrays that the next look overwrites; None if arrays must do it.
+        """
 
 
 class _Backend:

@@ -136,7 +136,7 @@ class DrivableWorlds:
         if distances.ndim != 1 or not np.isfinite(distances).all():
             raise ValueError(f"ahead: expected finite distances of shape (p,), got shape {distances.shape}")
         shape = self._egos.is_there.shape
-        found = {name: np.full(shape, np.nan) for name in LANE_FIGURES}
+        found = dict(zip(LANE_FIGURES, np.full((len(LANE_FIGURES), *shape), np.nan), strict=True))
         found["points"] = np.full((*shape, len(distances), 2), np.nan)
         for part in self._egos:
             if len(part.rows):

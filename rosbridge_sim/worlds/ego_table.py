@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from operator import attrgetter
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -54,8 +54,11 @@ class EgoTable:
                 self.is_there[i, j] = True
                 places.append((row * columns.num_worlds + slot, i, j))
         self.parts = [
-            Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T) for columns, places in found.values()
+            Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T.copy())
+            for columns, places in found.values()
         ]
+        # Usually all egos are there, in one set of columns: then these are the arrays, in half of the time.
+        self._whole = self.parts[0] if len(self.parts) == 1 and self.is_there.all() else None
         self._seen = list(map(_NUM_CHANGES, worlds))
 
     def is_true(self, worlds: Sequence[OneOfMany]) -> bool:
@@ -67,6 +70,9 @@ class EgoTable:
 
     def gather(self, name: str) -> npt.NDArray[np.float64]:
         """Return a column of the egos, (num_worlds, num_egos) float64; nan where there is no ego."""
+        if self._whole is not None:
+            column: npt.NDArray[Any] = getattr(self._whole.columns, name)
+            return column[self._whole.rows].astype(np.float64, copy=False).reshape(self.is_there.shape)
         values = np.full(self.is_there.shape, np.nan)
         for part in self.parts:
             values[part.world, part.ego] = getattr(part.columns, name)[part.rows]

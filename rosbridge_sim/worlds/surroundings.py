@@ -11,6 +11,7 @@ from rosbridge_sim.world.drivers.lane_position import find_ahead
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.scoring import BACKEND, LANES_AHEAD
 from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
 
@@ -19,8 +20,6 @@ OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length"
 [m]; its velocity relative to that of the ego [m/s]; its direction; its size [m]."""
 
 LANE_FIGURES: Final = ("offset", "heading", "to_left", "to_right", "speed_limit", "is_on_road", "s", "lane")
-
-LANES_AHEAD: Final = 5
 
 
 PLACES_AT_ONCE: Final = 1 << 10
@@ -94,6 +93,10 @@ def find_lanes(part: Part, ahead: FloatArray) -> tuple[dict[str, npt.NDArray[np.
     """
     columns, rows = part.columns, part.rows
     roads = columns.roads.alone
+    if BACKEND.make is not None and len(roads):
+        looked = columns.derived(BACKEND.make).look(rows, ahead, roads.derived(_straight_on))
+        if looked is not None:
+            return looked
     x, y, yaw, z = columns.x[rows], columns.y[rows], columns.yaw[rows], columns.z[rows]
     points = np.zeros((len(rows), len(ahead), 2))
     places = columns.roads.nearest(x, y, yaw, z)

@@ -17,6 +17,7 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
+from rosbridge_sim.environments.observations import observe, pick  # noqa: E402
 from rosbridge_sim.environments.registration import TASKS, register_all  # noqa: E402
 from tests.support import PATIENCE  # noqa: E402
 
@@ -457,3 +458,14 @@ def test_name_alone_imports_the_environments() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE, check=True)
     assert done.stdout == "(15,)\n"
+
+
+@pytest.mark.parametrize("observation", ["Lane", "Kinematics", "Others", "Dict"])
+def test_observation_of_a_step_is_that_of_the_worlds_after_it(observation: str) -> None:
+    env: Any = gymnasium.make("rosbridge_sim/Highway-v1", observation=observation)
+    env.reset(seed=0)
+    for _ in range(3):
+        seen, *_ = env.step(np.array([0.1, 0.5], np.float32))
+        fresh = pick(observe(env.unwrapped.worlds, env.unwrapped.task), (0, 0))
+        names = seen if isinstance(seen, dict) else [...]
+        assert all(np.array_equal(seen[name], fresh[name]) for name in names)

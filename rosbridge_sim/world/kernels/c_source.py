@@ -138,11 +138,15 @@ OF_BLOCKS: Final[Mapping[str, str]] = {
 }
 """Boxes of segments, and what is kept of cells."""
 
+PLACE_COLUMNS: Final[Mapping[str, str]] = {"D": "x y z"}
 FOR_EGOS: Final[Mapping[str, str]] = {
     "D": "slope_below to_left to_right s_below lateral_below yaw_below beyond",
     "I": "lane_below",
     "B": "is_on",
 }
+OF_LOOKS: Final[Mapping[str, str]] = {"D": "ahead points_ahead", "I": "straight_on"}
+"""Distances ahead of egos on their lanes, the places there, and for each lane the one straight on."""
+
 OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel turned", "I": "before_uid pair_ego pair_row"}
 """Room for what is worked out for each ego, and what a step hands over."""
 
@@ -151,14 +155,14 @@ NUMBERS: Final = [
     *("num_entries", "num_bounds", "num_looks", "num_wandering", "num_shifted"),
     *("has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
     *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat"),
-    *("num_blocks", "num_cells", "num_kept", "cell_room"),
+    *("num_blocks", "num_cells", "num_kept", "cell_room", "num_ahead"),
 ]
 """Whole numbers of the structure."""
 
 _TABLES: Final = (
     *(COLUMNS, OF_ROADS, OF_CONFLICTS, OF_NEIGHBOURS, OF_JOINS, OF_MAP, OF_DRIVERS, OF_ENTRIES),
     *(FOR_DRIVERS, FOR_QUEUE, FOR_LANES, FOR_LOOKS),
-    *(SCORE_COLUMNS, SCORE_ROADS, OF_SEGMENTS, OF_BLOCKS, FOR_EGOS, OF_STEP),
+    *(SCORE_COLUMNS, SCORE_ROADS, OF_SEGMENTS, OF_BLOCKS, FOR_EGOS, OF_LOOKS, OF_STEP),
 )
 ARRAYS: Final = {name: kind for table in _TABLES for kind, names in table.items() for name in names.split()}
 """All arrays, with the type of their numbers in C."""
@@ -223,7 +227,7 @@ FUNCTIONS: Final = {
     "mind_kerbs": " I",
     **dict.fromkeys(("find_slants", "move"), " D"),
     **dict.fromkeys(("list_headings", "measure"), ""),
-    **dict.fromkeys(("find_meetings", "find_lanes_below", "judge_egos"), "I"),
+    **dict.fromkeys(("find_meetings", "find_lanes_below", "look_at_lanes", "judge_egos"), "I"),
 }
 """Functions of the library: the type of the result, and that of the argument after the structure's address."""
 
@@ -271,6 +275,7 @@ _MORE_CONSTANTS: Final = {
     "CELL_WORDS": CELL_WORDS,
     "AROUND_KEY": AROUND_KEY,
     "MORE_PAIRS": MORE_PAIRS,
+    "LANES_AHEAD": scoring.LANES_AHEAD,
     "NEAR_LANES": segment_cells.AROUND,
     "CORNER": math.sqrt(0.5) * segment_cells.CELL,
     "CELL_LEVEL": segment_cells.LEVEL,

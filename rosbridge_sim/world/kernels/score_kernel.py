@@ -6,13 +6,15 @@ loops find these, a few too many, and arrays judge them.
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.world.contacts.collisions import POSE_X, POSE_Y, CollisionDetector
 from rosbridge_sim.world.contacts.time_to_collision import find_times_of_pairs, find_times_to_collision
-from rosbridge_sim.world.geometry.planar import wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.geometry.segment_cells import AROUND
 from rosbridge_sim.world.geometry.segment_search import SegmentSearch
 from rosbridge_sim.world.kernels.c_source import (
@@ -20,6 +22,7 @@ from rosbridge_sim.world.kernels.c_source import (
     CELL_WORDS,
     FOR_EGOS,
     MORE_PAIRS,
+    PLACE_COLUMNS,
     PLACE_OF,
     SCORE_COLUMNS,
     SCORE_ROADS,
@@ -60,7 +63,7 @@ class _Cells:
 
     def __init__(self, roads: Roads) -> None:
         low, high, first, size = SegmentSearch(roads.segments, len(roads)).blocks
-        self.arrays = {
+        self.arrays: dict[str, npt.NDArray[Any]] = {
             "block_low": low,
             "block_high": high,
             "block_first": first,
@@ -70,6 +73,87 @@ class _Cells:
             "cell_segment": np.zeros(MAX_SEGMENTS, dtype=np.int64),
         }
         self.num_cells = self.num_kept = 0
+        self._roads = roads
+
+    def fill(self, fields: LoopFields) -> None:
+        """Give a structure all that a search for lanes needs."""
+        roads, segments = self._roads, self._roads.segments
+        fields.copy(roads, SCORE_ROADS)
+        fields.take(
+            segment_start=segments.start,
+            segment_direction=segments.direction,
+            segment_angle=segments.angle,
+            segment_height=segments.height,
+            segment_slope=segments.slope,
+            segment_length=segments.length,
+            segment_lane=segments.lane,
+            segment_point=segments.point,
+            **self.arrays,
+        )
+        fields["num_points"], fields["is_flat"] = len(roads.points), roads.is_flat
+        fields["num_blocks"], fields["cell_room"] = len(self.arrays["block_first"]), MAX_SEGMENTS
+
+    def search(self, fields: LoopFields, loop: Callable[[int], int]) -> bool:
+        """Run a loop that looks for lanes; return whether it has found them."""
+        fields["num_cells"], fields["num_kept"] = self.num_cells, self.num_kept
+        found = loop(fields.address)
+        if found > 0:  # no room: begin anew
+            self.arrays["cells"][:] = 0
+            fields["num_cells"] = fields["num_kept"] = 0
+            found = loop(fields.address)
+        self.num_cells, self.num_kept = fields["num_cells"], fields["num_kept"]
+        return found == 0
+
+
+def _yaws_below(fields: LoopFields) -> FloatArray:
+    """Return the directions of lanes at the places that a loop has found [rad]."""
+    yaw: FloatArray = fields.arrays["yaw_below"]
+    return wrap_angle(yaw + np.arctan(fields.arrays["slope_below"])) if fields["num_curved"] else yaw
+
+
+class _Look:
+    """The lanes below some egos and ahead of them; see `scoring.Loops.look`.
+
+    Attributes:
+        rows: (k,) int64.
+        ahead: (p,) [m].
+    """
+
+    def __init__(
+        self, library: CompiledLoops, world: WorldRows, rows: IntArray, ahead: FloatArray, straight_on: IntArray
+    ) -> None:
+        self.rows, self.ahead = rows, ahead
+        roads, num = world.roads.alone, len(rows)
+        self._do, self._world, self._roads, self._cells = library, world, roads, roads.derived(_Cells)
+        self._fields = fields = LoopFields(PLACE_OF)
+        self._cells.fill(fields)
+        fields.copy(world, PLACE_COLUMNS)
+        fields.make(FOR_EGOS, num)
+        self._cosine, self._sine, self._points = np.zeros(num), np.zeros(num), np.zeros((num, len(ahead), 2))
+        fields.take(rows=rows, straight_on=straight_on, ahead=ahead, points_ahead=self._points)
+        fields.take(cosine=self._cosine, sine=self._sine)
+        fields["n"], fields["num_ahead"] = num, len(ahead)
+
+    def find(self) -> tuple[dict[str, FloatArray], FloatArray] | None:
+        """Return what `surroundings.find_lanes` returns; None if arrays must find it."""
+        fields, yaw = self._fields, self._world.yaw[self.rows]
+        np.cos(yaw, self._cosine)
+        np.sin(yaw, self._sine)
+        if not self._cells.search(fields, self._do.look_at_lanes):
+            return None
+        arrays = fields.arrays
+        lane = arrays["lane_below"]
+        figures = {
+            "offset": arrays["lateral_below"],
+            "heading": wrap_angle(yaw - _yaws_below(fields)),
+            "to_left": arrays["to_left"],
+            "to_right": arrays["to_right"],
+            "speed_limit": self._roads.speed_limit[lane],
+            "is_on_road": arrays["is_on"],
+            "s": arrays["s_below"],
+            "lane": lane,
+        }
+        return figures, self._points
 
 
 class ScoreKernel:
@@ -85,20 +169,12 @@ class ScoreKernel:
         self._at = self._fields.address
         self._rows = rows = world.rows(Kind.EGO)
         roads, fields, num = world.roads.alone, self._fields, len(rows)
-        segments, self._cells, edges = roads.segments, roads.derived(_Cells), roads.derived(Edges)
+        self._cells, edges = roads.derived(_Cells), roads.derived(Edges)
         self._is_fit = farthest_edge(roads) <= AROUND
         fields.copy(world, SCORE_COLUMNS)
-        fields.copy(roads, SCORE_ROADS)
+        self._cells.fill(fields)
         fields.take(
             rows=rows,
-            segment_start=segments.start,
-            segment_direction=segments.direction,
-            segment_angle=segments.angle,
-            segment_height=segments.height,
-            segment_slope=segments.slope,
-            segment_length=segments.length,
-            segment_lane=segments.lane,
-            segment_point=segments.point,
             edge_reach=np.array([farthest_edge(roads)]),
             edges_from=edges.first,
             edges_to=edges.last,
@@ -106,7 +182,6 @@ class ScoreKernel:
             right_lane=roads.right,
             controller=world.signals.plan.controller_of_lane,
             lines=roads.derived(StopLines).lines_of(world.signals.plan),
-            **self._cells.arrays,
         )
         fields.make(FOR_EGOS, num)
         room = 2 * num + MORE_PAIRS
@@ -118,9 +193,9 @@ class ScoreKernel:
         fields.take(poses=self._poses, turned=self._turned)
         fields.take(pair_ego=self._pairs[0], pair_row=self._pairs[1])
         fields["n"], fields["num_rows"] = num, world.n
-        fields["num_worlds"], fields["is_flat"] = 1 if world.world_of_row is None else world.num_worlds, roads.is_flat
-        fields["num_blocks"], fields["cell_room"] = len(fields.arrays["block_first"]), MAX_SEGMENTS
-        fields["num_lines"], fields["num_points"] = len(fields.arrays["lines"]), len(roads.points)
+        fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
+        fields["num_lines"] = len(fields.arrays["lines"])
+        self._look: _Look | None = None
 
     def judge(self, before: Before) -> bool:
         """See `scoring.judge`; False if a place is too far away, or roads are too wide, for cells."""
@@ -128,12 +203,9 @@ class ScoreKernel:
         do.list_headings(at)
         np.cos(self._angle, self._cosine)
         np.sin(self._angle, self._sine)
-        if not self._is_fit or not self._find_lanes():
+        if not self._is_fit or not self._cells.search(fields, do.find_lanes_below):
             return False
-        arrays, rows = fields.arrays, self._rows
-        yaw = arrays["yaw_below"]
-        if fields["num_curved"]:
-            yaw = wrap_angle(yaw + np.arctan(arrays["slope_below"]))
+        rows, yaw = self._rows, _yaws_below(fields)
         self._headings.real, self._headings.imag = self._cosine, self._sine
         start, end, _ = self._headings.reshape(3, -1)
         np.multiply(end, np.exp(-1j * yaw), self._turned)
@@ -147,17 +219,14 @@ class ScoreKernel:
         self._judge_meetings()
         return True
 
-    def _find_lanes(self) -> bool:
-        """Find the lanes below; return whether that is possible."""
-        fields, cells = self._fields, self._cells
-        fields["num_cells"], fields["num_kept"] = cells.num_cells, cells.num_kept
-        found = self._do.find_lanes_below(self._at)
-        if found > 0:  # no room: begin anew
-            cells.arrays["cells"][:] = 0
-            fields["num_cells"] = fields["num_kept"] = 0
-            found = self._do.find_lanes_below(self._at)
-        cells.num_cells, cells.num_kept = fields["num_cells"], fields["num_kept"]
-        return found == 0
+    def look(
+        self, rows: IntArray, ahead: FloatArray, straight_on: IntArray
+    ) -> tuple[dict[str, FloatArray], FloatArray] | None:
+        """See `scoring.Loops`."""
+        look = self._look
+        if look is None or look.rows is not rows or look.ahead.tobytes() != ahead.tobytes():
+            look = self._look = _Look(self._do, self._world, rows, ahead, straight_on)
+        return look.find()
 
     def _judge_meetings(self) -> None:
         """Bring the times to collision up to date."""

@@ -159,33 +159,33 @@ static Foot find_nearest(const K *k, const I *cell, D x, D y, D z, D cos_, D sin
   return best;
 }
 
-/* Roads.nearest, Roads.beside, and ground.are_on_road where it is asked: the place of entity i on its lane.
-   Returns whether cells had room for it. */
+static inline int has_cell(const K *k, D x, D y, D z) {
+  return fabs(x) < FARTHEST && fabs(y) < FARTHEST && (k->is_flat || fabs(z) < HIGHEST);
+}
+
+static inline I cell_of(D place) { return (I)floor(place / CELL) + MAX_NUMBER; }
+
+/* Roads.nearest and Roads.beside: the place of entity i on its lane. Returns whether cells had room for it. */
 static int place_on_lane(K *k, I i, D x, D y, D z, D cos_, D sin_) {
   /* At an edge of sectors numpy may choose the other one; what is kept of a cell is right for both. */
   I sector = least_of((I)((atan2(sin_, cos_) + PI) * (SECTORS / FULL_TURN)), SECTORS - 1);
-  I east = (I)floor(x / CELL) + MAX_NUMBER, north = (I)floor(y / CELL) + MAX_NUMBER;
-  const I *cell = look_up(k, east, north, k->is_flat ? 0 : (I)floor(z / CELL_LEVEL) + MAX_LEVEL, sector);
+  I level = k->is_flat ? 0 : (I)floor(z / CELL_LEVEL) + MAX_LEVEL;
+  const I *cell = look_up(k, cell_of(x), cell_of(y), level, sector);
   if (!cell) return 0;
   D height;
   Foot foot = find_nearest(k, cell, x, y, z, cos_, sin_);
-  D beyond = bend(k, &foot, &k->slope_below[i]);
+  k->beyond[i] = bend(k, &foot, &k->slope_below[i]);
   find_edges(k, &foot, &k->to_left[i], &k->to_right[i], &height);
   k->num_curved += k->slope_below[i] != 0.0;
   k->lane_below[i] = k->segment_lane[foot.segment];
   k->s_below[i] = k->s[k->segment_point[foot.segment]] + foot.along;
   k->lateral_below[i] = foot.lateral;
   k->yaw_below[i] = k->segment_angle[foot.segment];
-  k->beyond[i] = beyond;
-  k->is_on[i] = k->to_left[i] >= 0.0 && k->to_right[i] >= 0.0 && beyond < BESIDE_END;
-  if (k->is_on[i]) return 1;
-  cell = look_up(k, east, north, 0, -1);
-  if (cell) k->is_on[i] = (B)is_on_road(k, cell, x, y, z);
-  return cell != 0;
+  return 1;
 }
 
-static inline int has_cell(const K *k, D x, D y, D z) {
-  return fabs(x) < FARTHEST && fabs(y) < FARTHEST && (k->is_flat || fabs(z) < HIGHEST);
+static inline int is_between_edges(const K *k, I i, D most_beyond) {
+  return k->to_left[i] >= 0.0 && k->to_right[i] >= 0.0 && k->beyond[i] < most_beyond;
 }
 
 /* The headings whose sines are wanted: as the step began and as it ended, and of the search for lanes. */
@@ -207,6 +207,51 @@ EXPORT I find_lanes_below(K *k) {
     D x = POSE_OF(1, 0) + k->centre[r] * k->cosine[num + i], y = POSE_OF(1, 1) + k->centre[r] * k->sine[num + i];
     if (!has_cell(k, x, y, k->z[r])) return -1;
     if (!place_on_lane(k, i, x, y, k->z[r], k->cosine[2 * num + i], k->sine[2 * num + i])) return 1;
+    k->is_on[i] = (B)is_between_edges(k, i, BESIDE_END);
+    if (k->is_on[i]) continue;
+    const I *cell = look_up(k, cell_of(x), cell_of(y), 0, -1);
+    if (!cell) return 1;
+    k->is_on[i] = (B)is_on_road(k, cell, x, y, k->z[r]);
+  }
+  return 0;
+}
+
+/* A place at an arc length from the start of a lane, beyond whose end the lanes straight on follow; see Roads.places. */
+static void find_point(const K *k, I lane, D s, D *x, D *y) {
+  for (I j = 0; j < LANES_AHEAD && s > k->length[lane] && k->straight_on[lane] >= 0; j++) {
+    s -= k->length[lane];
+    lane = k->straight_on[lane];
+  }
+  D share;
+  I point = locate(k, lane, s, &share);
+  const D *start = k->points + 3 * point;
+  D step_x = start[3] - start[0], step_y = start[4] - start[1];
+  D p = k->curve[2 * point], q = k->curve[2 * point + 1];
+  *x = start[0] + share * step_x;
+  *y = start[1] + share * step_y;
+  if (p == 0.0 && q == 0.0) return;
+  D length = k->segment_length[k->segment_of_point[point]], along = share * length;
+  D aside = along * (length - along) * (p + q * along) / length;
+  *x -= aside * step_y;
+  *y += aside * step_x;
+}
+
+/* surroundings.find_lanes, of rows whose headings are in `cosine` and `sine`; returns what `find_lanes_below` does. */
+EXPORT I look_at_lanes(K *k) {
+  k->num_curved = 0;
+  for (I i = 0; i < k->n; i++) {
+    D x = k->x[k->rows[i]], y = k->y[k->rows[i]], z = k->z[k->rows[i]], cos_ = k->cosine[i], sin_ = k->sine[i];
+    if (!has_cell(k, x, y, z)) return -1;
+    if (!place_on_lane(k, i, x, y, z, cos_, sin_)) return 1;
+    k->is_on[i] = (B)is_between_edges(k, i, 1.0);
+    for (I j = 0; j < k->num_ahead; j++) {
+      D east, north, *ahead = k->points_ahead + 2 * (k->num_ahead * i + j);
+      find_point(k, k->lane_below[i], k->s_below[i] + k->ahead[j], &east, &north);
+      east -= x;
+      north -= y;
+      ahead[0] = east * cos_ + north * sin_;
+      ahead[1] = north * cos_ - east * sin_;
+    }
   }
   return 0;
 }

@@ -117,6 +117,38 @@ def test_many_worlds_are_judged_likewise() -> None:
         assert one.digests() == other.digests()
 
 
+@pytest.mark.parametrize("name", ["hills", "motorway", "roundabout", "town"])
+def test_egos_see_their_lanes_likewise(name: str) -> None:
+    worlds = Worlds(name, 3, egos=2)
+    roads, rng = worlds.map_of(0).road_map.roads, np.random.default_rng(0)
+    for _ in range(40):
+        for world in range(3):
+            lane = int(rng.integers(len(roads)))
+            point, yaw = roads.at([lane], [rng.uniform(0.0, roads.length[lane])])
+            x, y, z = point[0] + [*rng.normal(0.0, 3.0, 2), 0.0]
+            worlds.place(
+                world, x=x, y=y, z=z, yaw=float(yaw[0] + rng.choice([0.0, 0.3, 3.0])), ego=int(rng.integers(2))
+            )
+        ahead = rng.uniform(-20.0, 200.0, int(rng.integers(5))).tolist()
+        with with_loops(are_there=False):
+            expected = worlds.lanes(ahead)
+        with with_loops():
+            found = worlds.lanes(ahead)
+        assert list(found) == list(expected)
+        for figure, values in expected.items():
+            assert found[figure].tobytes() == values.tobytes(), figure
+
+
+def test_lanes_that_were_seen_stay_as_they_were() -> None:
+    worlds = Worlds("motorway")
+    with with_loops():
+        seen = worlds.lanes((5.0,))
+        before = {name: values.copy() for name, values in seen.items()}
+        worlds.step({"steering": 0.1, "speed": 20.0}, 20)
+        worlds.lanes((5.0,))
+    assert all(np.array_equal(values, before[name]) for name, values in seen.items())
+
+
 def test_cells_begin_anew_when_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(score_kernel, "MAX_SEGMENTS", 10)
     roads, worlds = crossing(), []
