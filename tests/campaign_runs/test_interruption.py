@@ -17,7 +17,9 @@ from rosbridge_sim.campaign_runs.program_groups import NOTE, end_groups, note_gr
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from rosbridge_sim.cli.command_table import TOOLS
 from rosbridge_sim.errors import DocumentError
+from tests import fork_server
 from tests.campaign_runs.conftest import CampaignFolder
+from tests.fork_server import ForkedProgram
 
 PATIENCE = 60.0
 """Longest wait for an event of a test [s]."""
@@ -66,7 +68,7 @@ def is_running(pid: int) -> bool:
         return False
 
 
-def wait_for(what: Callable[[], object], process: subprocess.Popen[str]) -> None:
+def wait_for(what: Callable[[], object], process: ForkedProgram) -> None:
     end = time.monotonic() + PATIENCE
     while not what():
         assert time.monotonic() < end
@@ -74,11 +76,11 @@ def wait_for(what: Callable[[], object], process: subprocess.Popen[str]) -> None
         time.sleep(0.02)
 
 
-def start(folder: CampaignFolder, *words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "rosbridge_sim", "campaign", "run", "c.toml", *words]
-    return subprocess.Popen(
-        command, cwd=folder.path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
+IN_A_SESSION = "import os, sys; os.setsid(); from rosbridge_sim.__main__ import main; sys.exit(main())"
+
+
+def start(folder: CampaignFolder, *words: str) -> ForkedProgram:
+    return fork_server.popen(["-c", IN_A_SESSION, "campaign", "run", "c.toml", *words], cwd=folder.path)
 
 
 @pytest.mark.slow

@@ -9,8 +9,8 @@ import pytest
 
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.shell.bags.bag_reader import open_reader
+from tests import fork_server
 from tests.campaign_runs.conftest import CampaignFolder
-from tests.cpu_time import run
 
 PROGRAM = """
 import sys
@@ -33,6 +33,14 @@ record = true
 keep = "{keep}"
 [limits.own.first]
 end = "seed == 1"
+"""
+
+
+SMALL_FILES = """
+import resource, sys
+from rosbridge_sim.__main__ import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+sys.exit(main())
 """
 
 
@@ -94,15 +102,14 @@ def test_files_beyond_the_quota_are_not_kept_and_the_campaign_goes_on(folder: Ca
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such limit")
 def test_disk_that_takes_no_more_is_told_in_the_row_and_the_campaign_goes_on(folder: CampaignFolder) -> None:
-    """Each file ends at 60 or 120 kB, as on a disk that is full then; the output of a run has 131 kB."""
+    """Each file ends at 60 kB, as on a disk that is full then; the output of a run has 131 kB."""
     folder.write("loud.py", LOUD)
     folder.write(
         "c.toml",
         'scenario = "loop"\nseconds = 0.1\nseeds = 3\n[drivers]\nf = "loud.py:drive"\n[output]\nkeep = "all"\n',
     )
-    words = ["-m", "rosbridge_sim", "campaign", "run", "c.toml", "-o", "out", "--jobs", "1", "--json"]
-    command = ["sh", "-c", 'ulimit -f 120; exec "$@"', "sh", sys.executable, *words]
-    done = run(command, cwd=folder.path)
+    words = ["campaign", "run", "c.toml", "-o", "out", "--jobs", "1", "--json"]
+    done = fork_server.run(["-c", SMALL_FILES, *words], cwd=folder.path)
     assert json.loads(done.stdout)["pass"] == 3, done.stderr
     lines = (folder.path / "out" / "results.jsonl").read_text().splitlines()
     results = [Result.from_json(json.loads(line)) for line in lines]
