@@ -48,6 +48,9 @@ APART = {
 MANY_GROUPS = 30
 """From so many files on, some start programs, and it saves time to import the package once for those of all forks."""
 
+MANY_WORKERS = 3
+"""From so many forks on, one of them begins with the last files."""
+
 WORKER = "TEST_WORKER"
 """Environment variable: the number of this process among those that run tests."""
 
@@ -63,11 +66,13 @@ class _Worker:
 
     Attributes:
         running: the test that has begun and not ended, as its place in the list of all, else -1; the fork sets it.
+        takes_last: it takes the groups from the end of the list.
         waiting: tests that it was given and has not reported.
     """
 
     process: BaseProcess
     running: ctypes.c_int
+    takes_last: bool
     waiting: list[int] = field(default_factory=list)
 
 
@@ -153,7 +158,16 @@ class ForkedWorkers:
         if server is not None:
             server.let_go()
         self._num_forked += 1
-        self._workers[ours] = _Worker(process, running)
+        self._workers[ours] = _Worker(process, running, takes_last=self._lacks_last_taker())
+
+    def _lacks_last_taker(self) -> bool:
+        """Whether a further fork takes groups from the end: one of three or more does.
+
+        Programs that tests wait for stand at the beginning, and what computes alone at the end. One fork with work that
+        never waits keeps the processors busy meanwhile.
+        """
+        is_last = len(self._workers) == self._num_workers - 1 >= MANY_WORKERS - 1
+        return is_last and not any(worker.takes_last for worker in self._workers.values())
 
     def _hear(self, session: pytest.Session, connection: Connection) -> None:
         """Take the next messages of a fork."""
@@ -177,7 +191,7 @@ class ForkedWorkers:
                 file, wall, cpu = value
                 self._costs[file] = self._costs[file][0] + wall, self._costs[file][1] + cpu
             else:  # it wants work
-                worker.waiting = self._groups.pop(0) if self._groups else []
+                worker.waiting = self._groups.pop(-1 if worker.takes_last else 0) if self._groups else []
                 connection.send(list(worker.waiting))
 
     def _bury(self, session: pytest.Session, connection: Connection) -> None:

@@ -6,12 +6,14 @@ import os
 import subprocess
 import textwrap
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.etree import ElementTree as ET
 
 import pytest
 
 from tests import fork_server
-from tests.forked_workers import APART, TOGETHER
+from tests.forked_workers import APART, TOGETHER, ForkedWorkers
 from tests.support import ROOT
 
 pytestmark = pytest.mark.slow
@@ -106,3 +108,12 @@ def test_first_failure_ends_the_run_and_what_it_started(tmp_path: Path) -> None:
 
 def test_files_that_share_a_process_or_nothing_exist() -> None:
     assert [name for name in (*TOGETHER, *APART) if not (ROOT / name).is_file()] == []
+
+
+@pytest.mark.parametrize(("num_workers", "takes_last"), [(1, [False]), (2, [False] * 2), (4, [False] * 3 + [True])])
+def test_one_of_many_forks_begins_at_the_end(num_workers: int, takes_last: list[bool]) -> None:
+    workers, found = ForkedWorkers(num_workers, 0), list[bool]()
+    for i in range(num_workers):
+        found.append(workers._lacks_last_taker())
+        workers._workers[cast("Any", i)] = SimpleNamespace(takes_last=found[-1])  # type: ignore[assignment]
+    assert found == takes_last
