@@ -11,17 +11,20 @@ from tests.support import ROOT
 
 SERVE = """
 import asyncio
+import rosbridge_sim.__main__
 import rosbridge_sim.serving
 from rosbridge_sim.shell.app import Simulator
 async def main():
-    async with Simulator(port=0):
-        pass
+    for release in ("22.R2", "26.R1"):
+        async with Simulator(port=0, release=release):
+            pass
 asyncio.run(main())
 """
 
 RARE = {
     *("pydantic", "pydantic_core", "numpy.ma", "PIL", "pyproj", "rosbags", "markdown_it", "prometheus_client"),
-    *("difflib", "tomllib", "gzip", "html", "cyclonedds", "moderngl", "pyarrow", "cma"),
+    *("difflib", "tomllib", "gzip", "html", "cyclonedds", "moderngl", "pyarrow", "cma", "ruamel", "lz4", "rich"),
+    *("embreex", "simplejpeg"),
     *(
         "rosbridge_sim.graph.gateway.gateway",
         "rosbridge_sim.graph.ros1",

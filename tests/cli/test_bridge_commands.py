@@ -90,21 +90,6 @@ def test_url_and_token_can_come_from_the_environment(server: ServerProcess, monk
 
 
 @pytest.mark.slow
-def test_serve_imports_no_tool_module() -> None:
-    code = "import sys, rosbridge_sim.__main__, rosbridge_sim.shell.app; print(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=True
-    )
-    loaded = done.stdout.split()
-    assert "rosbridge_sim.shell.app" in loaded
-    assert not [
-        name
-        for name in loaded
-        if name.startswith(("rosbridge_sim.cli.tools", "rosbridge_sim.cli.command_table", "ruamel"))
-    ]
-
-
-@pytest.mark.slow
 def test_terminal_without_korean_letters_gets_an_escaped_answer(server: ServerProcess) -> None:
     command = [sys.executable, "-m", "rosbridge_sim", "topic", "echo", "/tools/차량", "--url", server.url]
     env = {"PATH": "", "PYTHONIOENCODING": "ascii", "PYTHONPATH": str(ROOT)}

@@ -10,7 +10,7 @@ from tests.conftest import Connect, Simulate
 
 pytestmark = pytest.mark.slow
 
-NUM_TICKS = 500
+NUM_TICKS = 200
 
 
 async def record_drive(url: str, connect: Connect) -> list[str]:
@@ -25,14 +25,14 @@ async def record_drive(url: str, connect: Connect) -> list[str]:
     assert started["frame"] == 0
     await master.send("advertise", topic="/SyncModeAddObj", type="morai_msgs/SyncModeAddObj")
     for i in range(NUM_TICKS):
-        command = {"longlCmdType": 1 + i // 100 % 3, "steering": 0.3 * math.sin(i / 40), "accel": 0.7}
-        command |= {"velocity": 30.0, "acceleration": math.cos(i / 30)}
+        command = {"longlCmdType": 1 + i // 40 % 3, "steering": 0.3 * math.sin(i / 16), "accel": 0.7}
+        command |= {"velocity": 30.0, "acceleration": math.cos(i / 12)}
         await master.ask("/SyncModeCtrlCmd", frame=i + 1, command=command, sensor_capture=False)
-        if i == 100:
+        if i == 40:
             place = {"x": 5.0, "y": -3.0, "z": 0.0}
-            added = {"name": "2016_Hyundai_Ioniq", "position": place, "heading": 30.0, "frame": 150}
+            added = {"name": "2016_Hyundai_Ioniq", "position": place, "heading": 30.0, "frame": 60}
             await master.send("publish", topic="/SyncModeAddObj", msg=added)
-        if i == 300:
+        if i == 120:
             answer = await master.ask("/SyncModeScenarioLoad", frame=i + 1, file_name="demo", delete_all=True)
             assert answer["result"] is True
         answer = await master.ask("/SyncModeWaitForTick", user_id="master", frame=i + 1)

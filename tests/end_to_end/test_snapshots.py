@@ -15,7 +15,7 @@ from tests.support import ROOT
 
 pytestmark = pytest.mark.slow
 
-NUM_FRAMES = 300
+NUM_FRAMES = 100
 
 GO_ON = f"""
 import sys
@@ -35,7 +35,7 @@ def test_snapshot_goes_on_to_the_same_hashes_in_another_process() -> None:
     harness = SimHarness("crossing", start="sync")
     client = harness.client()
     client.start()
-    client.control(300, longlCmdType=2, velocity=40.0)
+    client.control(NUM_FRAMES, longlCmdType=2, velocity=40.0)
     for _ in range(10):
         client.tick()
     saved = snapshot(client)

@@ -7,7 +7,6 @@ import pty
 import re
 import signal
 import socket
-import subprocess
 import sys
 import threading
 from collections.abc import Iterator
@@ -21,7 +20,7 @@ from tests import fork_server
 from tests.conftest import Serve
 from tests.fork_server import ForkedProgram
 from tests.shell.bags.bag_reading import read_bag
-from tests.support import PATIENCE, ROOT, ServerProcess, read_line
+from tests.support import PATIENCE, ServerProcess, read_line
 
 pytestmark = pytest.mark.slow
 
@@ -162,8 +161,7 @@ with asyncio.Runner(loop_factory=DeafLoop if sys.argv[1] == "deaf" else None) as
 
 @pytest.mark.parametrize("loop", ["uvloop", "asyncio", "deaf"])
 def test_third_signal_ends_a_stuck_event_loop_at_once(loop: str) -> None:
-    process = subprocess.Popen([sys.executable, "-c", STUCK, loop], cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    with process:
+    with fork_server.popen(["-c", STUCK, loop]) as process:
         try:
             assert read_line(process) == "ready\n"
             process.send_signal(signal.SIGINT)

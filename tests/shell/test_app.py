@@ -7,8 +7,6 @@ import json
 import logging
 import re
 import socket
-import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -31,7 +29,7 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_output import format_config
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire
-from tests.support import PATIENCE, ROOT
+from tests.support import PATIENCE
 
 
 async def start_of(**options: Unpack[SimulatorOptions]) -> str:
@@ -577,27 +575,6 @@ def test_settings_and_options_together_are_a_mistake() -> None:
 def test_unknown_option_is_an_error() -> None:
     with pytest.raises(DocumentError, match=r"no such option: prot \(did you mean port\?\)"):
         Simulator(prot=0)  # type: ignore[call-arg]
-
-
-# What a start costs
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
-def test_start_imports_no_heavy_library(release: str) -> None:
-    code = f"""
-import asyncio, sys
-from rosbridge_sim import Simulator
-
-async def main():
-    async with Simulator(port=0, release={release!r}):
-        print(*{{name.partition(".")[0] for name in sys.modules}})
-
-asyncio.run(main())
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    heavy = {"rosbags", "pyproj", "PIL", "ruamel", "lz4", "rich", "moderngl", "embreex", "simplejpeg", "cyclonedds"}
-    assert heavy & set(done.stdout.split()) == set()
 
 
 # The package's face
