@@ -71,6 +71,17 @@ def find_swinging(world: WorldRows, rows: IntArray) -> IntArray:
     return is_one.nonzero()[0]
 
 
+def are_straight(world: WorldRows, rows: IntArray, distance: FloatArray) -> bool:
+    """Return whether `plan_swings` would change nothing: all stay on a straight, and are planned so already.
+
+    A plan makes the rate of the drift -0.0 for those who drive; the bits count, so that all states stay as they were.
+    """
+    planned = np.zeros((6, len(rows)))
+    planned[3, distance > 0.0] = -0.0
+    is_planned = world.block("lateral", "lateral_to").take(rows, axis=1).tobytes() == planned.tobytes()
+    return is_planned and not len(_find_bent(world, rows, distance))
+
+
 def plan_swings(world: WorldRows, rows: IntArray, distance: FloatArray, interval: float) -> None:
     """Work out the lateral motion until the next decision: `lateral_rate` and `drift_rate`.
 

@@ -36,7 +36,7 @@ from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.drivers.lane_position import enter_next_legs, headings_ahead, set_legs
-from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
+from rosbridge_sim.world.drivers.lane_swing import are_straight, find_long, find_swinging, plan_swings
 from rosbridge_sim.world.drivers.lane_wander import LaneWander
 from rosbridge_sim.world.drivers.right_of_way import find_entered
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
@@ -346,7 +346,7 @@ class LaneFollowers:
         """
         world = self.world
         swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
-        if not len(swinging):
+        if not len(swinging) or are_straight(world, self.rows[swinging], distance[swinging]):
             return self.shifted
         plan_swings(world, self.rows[swinging], distance[swinging], INTERVAL)
         is_shifted = np.zeros(self.num, dtype=bool)

@@ -7,7 +7,7 @@ import pytest
 
 from rosbridge_sim.world.drivers import lane_swing
 from rosbridge_sim.world.drivers.lane_position import keep_lane
-from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
+from rosbridge_sim.world.drivers.lane_swing import are_straight, find_long, find_swinging, plan_swings
 from rosbridge_sim.world.followers.lane_following import DECISION
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -210,3 +210,26 @@ def test_vehicle_whose_offset_is_not_worked_out_wants_none_on_either_side_of_a_b
     assert is_bent[1::2].all()  # wider than the lane
     assert wants.any()
     assert np.count_nonzero(~is_bent) > 20
+
+
+def test_plan_is_left_out_only_where_it_would_change_nothing() -> None:
+    world = world_of(corner())
+    places = [(lane, s) for lane in "ac" for s in np.arange(0.5, 49.0, 3.0)]
+    rows = np.array([car(world, lane, s, speed=5.0, body=BUS) for lane, s in places])
+    distance = np.where(np.arange(len(rows)) % 3, 0.5, 0.0)
+    left_out = []
+    for _ in range(2):  # the first plan changes the bits of all that drive
+        for i in range(len(rows)):
+            row, way, before = rows[[i]], distance[[i]], world.digest()
+            left_out.append(are_straight(world, row, way))
+            plan_swings(world, row, way, 0.1)
+            assert world.digest() == before or not left_out[-1]
+    first, second = np.array(left_out).reshape(2, -1)
+    assert not (first & (distance > 0.0)).any()
+    assert 20 < np.count_nonzero(second) < len(rows)
+    assert are_straight(world, rows[second], distance[second])
+    for column in ("lateral", "lateral_rate", "drift", "drift_rate", "lateral_from", "lateral_to"):
+        kept = getattr(world, column)[rows]
+        getattr(world, column)[rows] = 1e-300
+        assert not are_straight(world, rows[second], distance[second])
+        getattr(world, column)[rows] = kept
