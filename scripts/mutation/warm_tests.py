@@ -362,7 +362,11 @@ def _functions_of(paths: set[str]) -> dict[str, list[FunctionType]]:
 
 
 def _is_cache_of_ours(thing: object) -> TypeGuard[_lru_cache_wrapper[object]]:
-    return isinstance(thing, _lru_cache_wrapper) and thing.__wrapped__.__module__.startswith((f"{PACKAGE}.", "tests."))
+    if not isinstance(thing, _lru_cache_wrapper):
+        return False
+    module, name = thing.__wrapped__.__module__, thing.__wrapped__.__name__
+    # What the tests open, such as a context of the graphics library, is open once for all of them.
+    return module.startswith(f"{PACKAGE}.") or (module.startswith("tests.") and not name.startswith("open_"))
 
 
 def _parts(code: CodeType) -> Iterator[CodeType]:
