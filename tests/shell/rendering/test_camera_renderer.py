@@ -111,6 +111,24 @@ def test_carrier_of_a_camera_is_not_in_its_picture() -> None:
     assert set(np.unique(picture.instance)) == {0, other + 1}
 
 
+def test_vehicle_has_its_paint_in_the_colours_and_lights_the_road_ahead_of_it_in_the_night() -> None:
+    world = World()
+    put(world, "2016_Hyundai_Ioniq", 12, 0)
+    frame, pose, camera = take_frame(world), Pose(0, 0, 2.0), CameraModel(160, 120, 90.0)
+
+    def colours(weather: Weather, *, is_there: bool) -> np.ndarray:
+        choices = PictureChoices(weather, channels=Channel.RGB)
+        rgb = open_renderer().render(ground_mesh(), frame if is_there else nothing(), camera, pose, choices).rgb
+        assert rgb is not None
+        return rgb.astype(float)
+
+    body = (slice(62, 70), slice(75, 85))
+    assert np.abs(colours(Weather.NOON, is_there=True)[body] - colours(Weather.NOON, is_there=False)[body]).mean() > 20
+    road = (slice(66, 68), slice(60, 72))  # ahead of the car, and to its left
+    with_lamps, without = (colours(Weather.NIGHT, is_there=each)[road].mean() for each in (True, False))
+    assert with_lamps > without + 3.0
+
+
 def test_vehicle_whose_nose_alone_is_in_the_picture_is_drawn() -> None:
     world = World()
     bus = put(world, "Bus", -4.0, 3.0, yaw=0.0)  # its rear axle is behind the camera
