@@ -85,6 +85,8 @@ TESTS = {
     "world/people": f"{_WORLD} {_DRIVES}",
     "world/vehicle": f"{_WORLD} {_DRIVES}",
     "simulator/sensors": "simulator/sensors",
+    "simulator/sensor_rigs": "simulator/sensor_rigs simulator/sensors",
+    "simulator/sensor_data": "simulator/sensor_data simulator/sensors",
     "scenery": "scenery",
     "environments": "environments",
     "worlds": "worlds environments/test_remote_env.py",

@@ -23,8 +23,8 @@ from rosbridge_sim.documents.document_reading import document_schema  # noqa: E4
 from rosbridge_sim.maps.signal_plan_file import plan_schema  # noqa: E402
 from rosbridge_sim.mock.mock_model import mock_schema  # noqa: E402
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import rig_schema  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
-from rosbridge_sim.simulator.sensors.sensor_presets import rig_schema  # noqa: E402
 from scripts.drawing.body_forms import body_forms  # noqa: E402
 
 

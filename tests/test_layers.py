@@ -85,10 +85,13 @@ simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simul
     world.geometry world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
-simulator.sensors: * documents graph maps morai.messages scenery schema simulator.bus simulator.kernel simulator.plain
+simulator.sensor_data: * morai.messages scenery schema world.geometry world.state world.vehicle
+simulator.sensors: * documents maps morai.messages scenery schema simulator.bus simulator.kernel simulator.sensor_data
     world.geometry world.state world.vehicle
-simulator.sensor_services: * documents graph simulator.bus simulator.kernel simulator.plain simulator.sensors
-    world.vehicle
+simulator.sensor_rigs: * documents graph scenery simulator.bus simulator.kernel simulator.plain simulator.sensor_data
+    simulator.sensors
+simulator.sensor_services: * documents graph simulator.bus simulator.kernel simulator.plain simulator.sensor_data
+    simulator.sensor_rigs simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
 simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel units world.geometry
@@ -103,9 +106,9 @@ simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel
 simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.state
 simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel
-    simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
-    simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots simulator.story
-    simulator.sync world world.state world.vehicle
+    simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensor_data
+    simulator.sensor_rigs simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots
+    simulator.story simulator.sync world world.state world.vehicle
 # campaigns, without processes and files
 campaigns: * documents expressions world.geometry world.state
 # mocks of robots, without sockets and files
@@ -118,8 +121,8 @@ link: * protocol
 client: * link protocol
 shell.config: * graph.gateway graph.ros2 link simulator.bus
 shell.clocks: * graph
-shell.files: * documents maps morai scenarios schema schema.definitions shell.config simulator.bus simulator.sensors
-    world.state
+shell.files: * documents maps morai scenarios schema schema.definitions shell.config simulator.bus
+    simulator.sensor_rigs simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.mocking: * documents graph graph.peers mock protocol schema shell.bags shell.clocks shell.config shell.files
     shell.websocket
@@ -133,10 +136,10 @@ shell.websocket: * graph graph.peers link protocol shell.kernels shell.page shel
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
 shell.ros1: * graph graph.gateway graph.ros1 morai schema shell.clocks shell.config shell.files shell.websocket
 shell.ros2: * graph graph.gateway graph.ros2 graph.rosapi_services morai schema shell.clocks shell.config shell.files
-shell: * graph graph.attach graph.rosapi_services graph.tf link maps morai protocol scenarios scenery schema shell.bags
-    shell.clocks shell.config shell.drawing shell.files shell.kernels shell.mocking shell.monitoring shell.page
-    shell.rendering shell.ros1 shell.ros2 shell.websocket
-    simulator simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors
+shell: * graph graph.attach graph.rosapi_services graph.tf link maps morai protocol scenarios scenery schema
+    shell.bags shell.clocks shell.config shell.drawing shell.files shell.kernels shell.mocking shell.monitoring
+    shell.page shell.rendering shell.ros1 shell.ros2 shell.websocket simulator simulator.bus simulator.plain
+    simulator.replays simulator.scene simulator.sensor_data simulator.sensor_rigs simulator.sensors
     simulator.sim_services world.geometry world.roads world.state
 worlds: * client maps morai.messages scenarios shell.files shell.kernels simulator.kernel simulator.plain
     simulator.scene simulator.sim_services units world world.drivers world.followers world.geometry world.many_worlds

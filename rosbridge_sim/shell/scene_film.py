@@ -26,10 +26,10 @@ from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.simulator.replays.replay import Replay
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import Sight, draw
-from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
-from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.picture_sensor import PictureSpec, Shot
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import wrap_angle

@@ -48,14 +48,14 @@ from rosbridge_sim.simulator.robot_description import RobotDescription, find_whe
 from rosbridge_sim.simulator.scene.load import Library
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
+from rosbridge_sim.simulator.sensor_data.sensor_files import SensorDataStore
+from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
+from rosbridge_sim.simulator.sensor_rigs.weather import WeatherControl
 from rosbridge_sim.simulator.sensor_services.sensor_commands import Sensors
 from rosbridge_sim.simulator.sensor_services.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.drawing import SensorWorker
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
-from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
-from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
-from rosbridge_sim.simulator.sensors.weather import WeatherControl
 from rosbridge_sim.simulator.sim_services.barrier_services import BarrierServices
 from rosbridge_sim.simulator.sim_services.contacts import Contacts
 from rosbridge_sim.simulator.sim_services.control_lease import ControlLeases

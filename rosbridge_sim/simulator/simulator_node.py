@@ -29,8 +29,8 @@ from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
 from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
 from rosbridge_sim.simulator.kernel.tf_publisher import TfFrames
 from rosbridge_sim.simulator.markers.scene_markers import SCENE_MAP, SCENE_OBJECTS
+from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensor_services.missing_sensors import advise
-from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.simulator.standard_topics import CmdVel

@@ -44,8 +44,8 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.rendering.camera_renderer import SAMPLES, CameraRenderer, open_context
 from rosbridge_sim.shell.rendering.jpeg import encode_jpeg
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.simulator.sensors.lidar_3d import LIDAR_MODELS
-from rosbridge_sim.simulator.sensors.lidar_sweep import Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
 from scripts.bench.reference import reference_line
 from scripts.soak.harness import Bystander

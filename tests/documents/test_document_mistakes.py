@@ -18,7 +18,8 @@ from rosbridge_sim.documents.document_reading import _document_reader, find_mist
 from rosbridge_sim.maps import mgeo, mgeo_lights, mgeo_links, mgeo_markings
 from rosbridge_sim.scenarios import scenario_model
 from rosbridge_sim.shell.files import catalogue_file
-from rosbridge_sim.simulator.sensors import morai_sensor_file, sensor_noise, sensor_presets
+from rosbridge_sim.simulator.sensor_rigs import morai_sensor_file, sensor_presets
+from rosbridge_sim.simulator.sensors import sensor_noise
 from tests.support import ROOT
 
 MAP = ROOT / "rosbridge_sim" / "data" / "maps" / "town"

@@ -14,7 +14,7 @@ from rosbridge_sim.documents.document_model import Document, DocumentType, KeptA
 from rosbridge_sim.documents.document_reading import find_mistakes, parse_json, read_document, read_values
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios import scenario_model
-from rosbridge_sim.simulator.sensors import sensor_presets
+from rosbridge_sim.simulator.sensor_rigs import sensor_presets
 from tests.support import ROOT
 
 DEMO: Any = json.loads((ROOT / "rosbridge_sim" / "data" / "scenarios" / "demo.json").read_text())

@@ -14,7 +14,7 @@ from PIL import Image
 from rosbags.highlevel import AnyReader
 
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import POINT_TYPE
 from tests import fork_server
 from tests.conftest import Connect, Serve
 from tests.support import Client

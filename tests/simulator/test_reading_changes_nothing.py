@@ -11,8 +11,8 @@ import pytest
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.world.state.world import Dynamics
+from tests.simulator.sensor_rigs.test_mounted_sensors import CAMERA, LIDAR, RADAR, SCAN
 from tests.simulator.sensors.analytic_makers import AtOnceWorker
-from tests.simulator.sensors.test_mounted_sensors import CAMERA, LIDAR, RADAR, SCAN
 from tests.simulator.sim_harness import Client, SimHarness, put_egos
 
 NUM_FRAMES = 12

@@ -9,7 +9,7 @@ from rosbridge_sim.documents.document_reading import parse_json
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.bounded_read import read_bounded
-from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, PRESETS, read_rig
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import MAX_SENSORS_BYTES, PRESETS, read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.suggestions import hint
 
@@ -37,7 +37,7 @@ def read_sensors(choice: str) -> Rig:
             return read_rig(read_toml(path)[1], str(path))
         except SettingError as error:
             raise DocumentError(str(error)) from None
-    from rosbridge_sim.simulator.sensors.morai_sensor_file import (  # noqa: PLC0415 - most servers have no file
+    from rosbridge_sim.simulator.sensor_rigs.morai_sensor_file import (  # noqa: PLC0415 - most servers have no file
         is_morai_file,
         read_morai_sensors,
     )

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.simulator.sensors.picture_messages import BOXES
-from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETECTIONS_3D
+from rosbridge_sim.simulator.sensor_data.picture_messages import BOXES
+from rosbridge_sim.simulator.sensor_data.vision_messages import DETECTIONS_2D, DETECTIONS_3D
 
 _PRESETS: Final[Mapping[str, tuple[str, str]]] = {
     "sensor_msgs/CompressedImage": ("camera", "camera"),

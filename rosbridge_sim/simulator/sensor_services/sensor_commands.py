@@ -23,8 +23,8 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
-from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
-from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore, boxes_text
+from rosbridge_sim.simulator.sensor_data.sensor_files import SensorDataStore, boxes_text
+from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_LEVER
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES

@@ -20,16 +20,16 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.reading import answering, read_while_held
-from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
-from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
-from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
-from rosbridge_sim.simulator.sensors.sensor_presets import (
+from rosbridge_sim.simulator.sensor_rigs.ego_rig import MEASURED_FRAMES, EgoRig
+from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import (
     document_of,
     learn_rig_mistakes,
     parse_object,
     read_rig,
     read_rig_text,
 )
+from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.sensor_specs import SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import check_rig
 from rosbridge_sim.suggestions import hint

@@ -1,1 +1,1 @@
-"""Sensors of the egos: their topics, noise and files."""
+"""Kinds of sensors: their options, messages, drawing and errors."""

@@ -18,7 +18,7 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import PictureMaker, RayMaker, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
-from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource
 from rosbridge_sim.simulator.sensors.sensor_specs import MountedSpec, SensorSpec

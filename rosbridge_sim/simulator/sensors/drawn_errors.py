@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Echoes
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarBeams, RadarEchoes, own_velocity
 from rosbridge_sim.simulator.sensors.sensor_noise import CameraNoise, LidarNoise, RadarNoise
 from rosbridge_sim.world.geometry.planar import FloatArray

@@ -14,8 +14,8 @@ from rosbridge_sim.maps.georeference import Georeference, import_projection
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sensor_data.sensor_files import gps_text
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
-from rosbridge_sim.simulator.sensors.sensor_files import gps_text
 from rosbridge_sim.simulator.sensors.sensor_specs import GPS_FRAME, EgoSensorSpec
 from rosbridge_sim.world.vehicle.sensor_readings import locate
 

@@ -15,9 +15,9 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import POINT_TYPE, Beams, beams_3d, pack_points
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.lidar_sensor import LidarSpec
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Beams, beams_3d, pack_points
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, Cost, FrameId, Near, Range, TopicName

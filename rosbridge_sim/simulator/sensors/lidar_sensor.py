@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, ClassVar, Literal
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import EXTINCTION
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import FADING, Beams, Echoes, echoes_of, fade, sweep
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sight
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes
-from rosbridge_sim.simulator.sensors.lidar_sweep import FADING, Beams, Echoes, echoes_of, fade, sweep
 
 
 class LidarSpec(DrawnSpec, frozen=True, kw_only=True):

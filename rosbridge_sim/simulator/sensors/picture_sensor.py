@@ -16,13 +16,13 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, mount
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sensor_data.picture_messages import BOXES, PictureMessages
+from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes, find_visible_boxes
+from rosbridge_sim.simulator.sensor_data.vision_messages import DETECTIONS_2D, DETECTIONS_3D, VisionMessages
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_picture
-from rosbridge_sim.simulator.sensors.picture_messages import BOXES, PictureMessages
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import Cost, Fov, Rate
-from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes, find_visible_boxes
-from rosbridge_sim.simulator.sensors.vision_messages import DETECTIONS_2D, DETECTIONS_3D, VisionMessages
 
 MAX_SIDE: Final = 8192
 """Longest side of a picture [pixels]: the least of what OpenGL 4.1 promises is 16,384, with room for antialiasing."""

@@ -15,9 +15,9 @@ from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.drawing.drawing_process import DrawingError, DrawingProcess
 from rosbridge_sim.shell.drawing.sensor_makers import make_makers
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Sight, draw
 from rosbridge_sim.simulator.sensors.lidar_3d import Cloud, Lidar3dSpec
-from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import put

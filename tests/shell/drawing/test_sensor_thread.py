@@ -11,9 +11,9 @@ from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Sight, Sighting
-from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.picture_sensor import Shot
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World

@@ -10,9 +10,9 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.assembly import list_items
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.rig_file import read_sensors
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import PRESETS
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
-from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
 
 OURS = """
 [[camera]]

@@ -14,8 +14,8 @@ from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import POINT_TYPE, Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.simulator.sensors.lidar_3d import LIDAR_MODELS
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import (
     box_mesh,

@@ -13,7 +13,7 @@ from rosbridge_sim.graph.ways import Use
 from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.simulator_ways import _EFFECTS, _SAME, SimulatorWays
-from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import PRESETS
 from tests.graph.bus_fixture import Wire
 from tests.simulator.sensors.analytic_makers import AtOnceWorker
 from tests.simulator.sim_harness import ALL, SimHarness, put_egos

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from tests.simulator.sensor_rigs.test_mounted_sensors import CAMERA, IMAGE
 from tests.simulator.sensors.analytic_makers import ManualWorker
-from tests.simulator.sensors.test_mounted_sensors import CAMERA, IMAGE
 from tests.simulator.sim_harness import Client, SimHarness, put_egos
 
 ACKERMANN = "ackermann_msgs/AckermannDriveStamped"

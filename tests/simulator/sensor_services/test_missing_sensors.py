@@ -7,7 +7,7 @@ import json
 import pytest
 
 from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
-from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import PRESETS
 from tests.graph.bus_fixture import make_peer
 from tests.simulator.sensors.analytic_makers import AtOnceWorker
 from tests.simulator.sim_harness import SimHarness

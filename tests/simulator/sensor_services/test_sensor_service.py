@@ -7,7 +7,7 @@ import json
 import pytest
 
 from rosbridge_sim.graph.topics_services import Answer
-from rosbridge_sim.simulator.sensors import sensor_presets
+from rosbridge_sim.simulator.sensor_rigs import sensor_presets
 from tests.simulator.sensors.analytic_makers import AtOnceWorker
 from tests.simulator.sim_harness import ManualReader, SimHarness
 

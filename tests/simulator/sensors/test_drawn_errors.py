@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.records import replace
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Echoes
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawn_errors import (
     CLUTTER_STRENGTH,
@@ -17,7 +18,6 @@ from rosbridge_sim.simulator.sensors.drawn_errors import (
 )
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
-from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
 from rosbridge_sim.simulator.sensors.sensor_noise import (
@@ -28,7 +28,7 @@ from rosbridge_sim.simulator.sensors.sensor_noise import (
     RadarNoise,
     SensorNoise,
 )
-from tests.simulator.sensors.test_mounted_sensors import in_sync
+from tests.simulator.sensor_rigs.test_mounted_sensors import in_sync
 from tests.simulator.sensors.test_radar_echoes import FRONT, rear_of, scene
 
 RADAR = RadarSpec()

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.simulator.sensors.test_mounted_sensors import SCAN, in_sync
+from tests.simulator.sensor_rigs.test_mounted_sensors import SCAN, in_sync
 
 
 def test_scan_tells_its_angles_its_times_and_its_ranges() -> None:

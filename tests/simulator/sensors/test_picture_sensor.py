@@ -13,8 +13,8 @@ from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, draw
 from rosbridge_sim.simulator.sensors.sensor_noise import read_noise
+from tests.simulator.sensor_rigs.test_mounted_sensors import CAMERA, IMAGE, begin_tick, in_sync
 from tests.simulator.sensors.analytic_makers import ManualWorker, make_makers
-from tests.simulator.sensors.test_mounted_sensors import CAMERA, IMAGE, begin_tick, in_sync
 
 DEPTH = CameraSpec(picture="depth", encoding="raw", width=32, height=24, rate=50.0, x=1.8, z=2.0)
 

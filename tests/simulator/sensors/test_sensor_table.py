@@ -7,10 +7,10 @@ from collections import Counter
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import read_rig_text, rig_schema, text_of
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
-from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, rig_schema, text_of
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_RAYS, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import KINDS, SENSOR_FRAMES, check_rig, complete
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.simulator.sensors.weather import WeatherControl
+from rosbridge_sim.simulator.sensor_rigs.weather import WeatherControl
 from rosbridge_sim.simulator.snapshots.node_state import NodeState
 from tests.simulator.story.story_texts import Telling, after, event, group, link, speed, story, teleport
 

@@ -38,16 +38,16 @@ from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensor_rigs.ego_rig import EgoRig, MountedSensor, is_wanted
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import read_rig_text, text_of
+from rosbridge_sim.simulator.sensor_rigs.weather import WeatherControl
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, SensorWorker, Sight, Sighting, drawn_of
 from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE, is_due, num_due
-from rosbridge_sim.simulator.sensors.ego_rig import EgoRig, MountedSensor, is_wanted
-from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
-from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, text_of
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, check_rig, complete
-from rosbridge_sim.simulator.sensors.weather import WeatherControl
 
 MAX_CAPTURES: Final = 4
 """Captures that are drawn at once: each has copies of its frame, and pictures of up to 25 MB."""

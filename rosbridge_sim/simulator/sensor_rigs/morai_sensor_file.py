@@ -18,8 +18,8 @@ from msgspec import Meta
 from rosbridge_sim.documents.document_model import Document, DocumentType
 from rosbridge_sim.documents.document_reading import read_values
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.simulator.sensor_rigs.sensor_presets import read_rig
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading
-from rosbridge_sim.simulator.sensors.sensor_presets import read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import KINDS, MAX_SENSORS
 

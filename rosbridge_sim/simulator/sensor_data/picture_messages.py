@@ -8,8 +8,8 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.camera_geometry import CameraModel
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes
-from rosbridge_sim.simulator.sensors.vision_messages import optical
+from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes
+from rosbridge_sim.simulator.sensor_data.vision_messages import optical
 
 BOXES: Final = "rosbridge_sim_msgs/BoundingBoxes"
 """Type of the boxes of what a camera shows."""

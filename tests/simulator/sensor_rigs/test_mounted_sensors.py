@@ -13,13 +13,13 @@ from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.scenery.pictures import EXTINCTION, Weather
 from rosbridge_sim.schema.definitions.names import Generation
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import POINT_TYPE, Echoes, fade
+from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.imu import ImuSpec
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Echoes, fade
-from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.radar import RadarSpec
 from rosbridge_sim.world.geometry.planar import rotate
 from tests.simulator.sensors.analytic_makers import AtOnceWorker, ManualWorker

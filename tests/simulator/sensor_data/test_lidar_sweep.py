@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.scenery.camera_geometry import Pose, rotation
 from rosbridge_sim.scenery.mesh import Label
 from rosbridge_sim.scenery.pictures import Hits
-from rosbridge_sim.simulator.sensors.lidar_sweep import (
+from rosbridge_sim.simulator.sensor_data.lidar_sweep import (
     POINT_TYPE,
     Beams,
     Echoes,

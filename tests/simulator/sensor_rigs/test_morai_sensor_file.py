@@ -7,12 +7,12 @@ import msgspec
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.simulator.sensor_rigs.morai_sensor_file import is_morai_file, read_morai_sensors
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.imu import ImuSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.morai_items import Block, Item, Reading
-from rosbridge_sim.simulator.sensors.morai_sensor_file import is_morai_file, read_morai_sensors
 
 
 def item(block: str, number: int, kind: int, place: tuple[str, ...], **keys: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensors.visible_boxes import VisibleBoxes
+from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes
 from rosbridge_sim.world.geometry.planar import Quaternion
 
 DETECTIONS_2D, DETECTIONS_3D = "vision_msgs/Detection2DArray", "vision_msgs/Detection3DArray"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.scenery.camera_geometry import rotation
-from rosbridge_sim.simulator.sensors.vision_messages import _orientation, optical
+from rosbridge_sim.simulator.sensor_data.vision_messages import _orientation, optical
 
 
 def turned(quaternion: tuple[float, ...], vector: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_vi
 from rosbridge_sim.scenery.mesh import Label
 from rosbridge_sim.scenery.pictures import Picture
 from rosbridge_sim.scenery.scene_frame import take_frame
-from rosbridge_sim.simulator.sensors.visible_boxes import find_visible_boxes
+from rosbridge_sim.simulator.sensor_data.visible_boxes import find_visible_boxes
 from rosbridge_sim.world.state.world import Body, Kind, World
 
 CAMERA = CameraModel(200, 100, 90.0)
