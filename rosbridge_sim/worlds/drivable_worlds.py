@@ -205,7 +205,8 @@ class DrivableWorlds:
         They are those of `/sim/score`: distance driven [m], counts, frames off the road, times to collision, now and
         least [s], offset from the lane, now and most [m], jerk [m/s^3], lateral acceleration [m/s^2].
         """
-        return {name: self._egos.gather(name) for name in SCORE_FIGURES}
+        egos = self._egos
+        return {name: egos.gather(name) for name in SCORE_FIGURES}
 
     def contacts(self) -> list[IntArray]:
         """Return for each world the ids of the pairs that touched during the last frame, (m, 2) int64 each."""

@@ -7,7 +7,7 @@ import pytest
 
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.geometry import segment_cells
-from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.geometry.segment_cells import SegmentCells
 from rosbridge_sim.world.geometry.segment_search import BESIDE, SegmentSearch
 from rosbridge_sim.world.roads.roads import Roads
@@ -54,6 +54,31 @@ def test_cells_find_the_lanes_around_places_that_a_search_without_them_finds(nam
         assert np.array_equal(found[0], expected[0])
         assert np.array_equal(found[1], expected[1])
         assert all(np.array_equal(*pair) for pair in zip(found[2], expected[2], strict=True))
+
+
+@pytest.mark.parametrize("name", ["hills", "motorway"])
+def test_places_of_a_drive_are_found_alike_and_with_few_looks(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    roads = LIBRARY.map(name).roads
+    plain, cells = searches_of(roads)
+    looks, look, used = [], SegmentCells._look_around, set()
+
+    def count(own: SegmentCells, keys: IntArray) -> tuple[IntArray, IntArray]:
+        looks.append(len(keys))
+        return look(own, keys)
+
+    monkeypatch.setattr(SegmentCells, "_look_around", count)
+    for s in np.arange(0.0, 200.0, 0.5):
+        (point,), (yaw,) = roads.at([0], [s])
+        place, radius = point[None, :2] + [0.7, -1.3], np.array([segment_cells.AROUND])
+        used.add(tuple((place[0] // segment_cells.CELL).tolist()))
+        heading, height = np.array([[np.cos(yaw), np.sin(yaw)]]), point[2:]
+        for found, expected in (
+            (cells.place(place, heading, height), plain.place(place, heading, height)),
+            (cells.within(place, radius)[2], plain.within(place, radius)[2]),
+        ):
+            assert all(np.array_equal(*pair) for pair in zip(found, expected, strict=True))
+    assert len(used) > 40
+    assert len(looks) < 0.5 * len(used)
 
 
 def test_lanes_around_a_place_are_the_nearest_segment_of_each_lane() -> None:
