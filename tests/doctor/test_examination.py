@@ -16,16 +16,23 @@ STATUS = {"op": "status", "level": "error", "msg": "no"}
 
 
 class Told:
-    """Clients to which these frames come."""
+    """Clients to which these frames come.
+
+    Attributes:
+        sent: the frames that were sent.
+        waits: numbers of frames that had been sent when all clients waited for the server.
+    """
 
     def __init__(self, frames: Sequence[Any]) -> None:
         self._frames = list(frames)
         self.sent: list[str | bytes] = []
+        self.waits: list[int] = []
 
     async def send(self, _name: str, frame: str | bytes) -> None:
         self.sent.append(frame)
 
-    async def settle(self) -> None: ...
+    async def settle(self) -> None:
+        self.waits.append(len(self.sent))
 
     async def next(self, _name: str, *, is_status: bool) -> Any:  # noqa: ANN401 - a frame
         found = next((frame for frame in self._frames if (frame.get("op") == "status") == is_status), None)
@@ -121,3 +128,45 @@ async def test_pieces_are_joined_whatever_their_lengths() -> None:
         await judge(expected, [piece('{"a', 0, 3.4), piece('": ', 1, 3.4), piece("1}", 2, 3.4)])
     ).verdict is Verdict.CONFORMS
     assert (await judge(expected, [piece('{"a', 0, 2), piece("2}", 1, 2)])).verdict is Verdict.DEVIATES
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "waits"),
+    [
+        ("a advertise", "a subscribe", [2]),
+        ("a advertise", "a publish", [1, 2]),
+        ("a advertise", "b subscribe", [1, 2]),
+        ("a publish", "a publish", [1, 2]),
+        ("a call_service", "b publish", [2]),
+    ],
+)
+async def test_what_has_no_answer_has_worked_before_anything_that_may_depend_on_it(
+    first: str, second: str, waits: list[int]
+) -> None:
+    clients = Told([])
+    steps = [{f"{name}>": {"op": op}} for name, op in (first.split(), second.split())]
+    await examine(Check("s/x", "y", "z", steps), clients, 1)
+    assert (clients.waits, len(clients.sent)) == (waits, 2)
+
+
+async def test_lists_are_compared_as_ros_1_writes_them() -> None:
+    expected = {"types": ["std_msgs/String"], "stamps": [{"secs": 1, "nsecs": 2}]}
+    came = {"types": ["std_msgs/msg/String"], "stamps": [{"sec": 1, "nanosec": 2}]}
+    assert (await judge([expected], [came])).verdict is Verdict.CONFORMS
+    assert (await judge([expected], [came | {"types": []}])).verdict is Verdict.DEVIATES
+
+
+async def test_wrong_answer_about_an_action_deviates_though_a_server_of_ros_1_need_not_know_actions() -> None:
+    found = await judge([ANSWER], [ANSWER | {"result": False}], "rosbridge_suite 2.1.0", "actions", 1)
+    assert found.verdict is Verdict.DEVIATES
+
+
+async def test_answer_that_is_no_object_is_told_and_not_taken_for_one() -> None:
+    class Odd(Told):
+        async def next(self, _name: str, *, is_status: bool) -> Any:  # noqa: ANN401 - any frame
+            return None if is_status else ["odd"]
+
+    check = Check("s/x", "protocol text", "z", [{"a>": ASK}, {"a<": ASK}])
+    found = await examine(check, Odd([]), 1)
+    assert found.verdict is Verdict.DEVIATES
+    assert "odd" in found.reason
