@@ -14,7 +14,7 @@ from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Call, Service, Subscription, Topic
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.schema.store import Store
 
 

@@ -13,8 +13,8 @@ import msgspec
 
 from rosbridge_sim.errors import PeerError, Reason
 from rosbridge_sim.graph.participant import Notify, Participant, decode_body
-from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.body_limits import LIGHT, BodyLimits
+from rosbridge_sim.protocol.client_memory import Account, HeldMessages
 from rosbridge_sim.protocol.ops import OpBody
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.message import Message

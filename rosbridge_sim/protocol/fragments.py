@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import orjson
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.protocol.ops import Fragment
 
 MAX_OPEN = 64

@@ -16,8 +16,8 @@ import orjson
 
 from rosbridge_sim.errors import EncodingError, FrameError
 from rosbridge_sim.long_text import LongText, find_long_text
-from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.cbor_frames import decode_cbor, is_bson, is_cbor
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.json_decoding import (
     HEAVY,

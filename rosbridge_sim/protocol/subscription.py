@@ -22,8 +22,8 @@ from typing import Generic, Protocol, TypeVar
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.printable import MAX_QUOTED, printable
-from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.cbor_frames import cbor_head, cbor_raw_frame
+from rosbridge_sim.protocol.client_memory import Account, HeldMessages
 from rosbridge_sim.protocol.fragments import Characters
 from rosbridge_sim.protocol.json_decoding import HEAVY
 from rosbridge_sim.protocol.json_encoding import Encoded, publish_head

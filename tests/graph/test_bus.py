@@ -18,7 +18,7 @@ from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.graph.unpublished import UNPUBLISHED_AFTER
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus, make_store
 from tests.graph.participants import ADD, STRING, Somebody, YieldingParticipant

@@ -8,7 +8,7 @@ from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.service_table import MAX_CALLS, MAX_STALE
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from tests.graph.bus_fixture import make_bus, make_store
 from tests.graph.participants import ADD, Somebody
 

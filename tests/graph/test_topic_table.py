@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_bus
 from tests.graph.participants import STRING, Somebody, YieldingParticipant, text

@@ -12,7 +12,7 @@ import pytest
 
 from rosbridge_sim.errors import EncodingError, FieldError, FrameError
 from rosbridge_sim.long_text import LongText, find_long_text
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.protocol.json_decoding import HEAVY, LONG
 from rosbridge_sim.protocol.ops import Advertise, Op, Publish, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits

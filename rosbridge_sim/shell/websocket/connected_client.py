@@ -16,7 +16,7 @@ from websockets.protocol import State
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer, Work
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.shell.transport.inflate import Deflated, DeflatedText, LateDeflate, inflate

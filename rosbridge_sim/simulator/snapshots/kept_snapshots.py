@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.snapshot_bytes import SnapshotHead
 from rosbridge_sim.simulator.snapshots.node_state import SavedState

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.protocol.account import Account, HeldMessages
+from rosbridge_sim.protocol.client_memory import Account, HeldMessages
 
 
 def held(limit: int, total: Account | None = None) -> tuple[Account, HeldMessages[bytes]]:
