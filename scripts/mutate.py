@@ -37,7 +37,8 @@ from typing import Final
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from scripts.mutation.warm_tests import PACKAGE, Target, Tests, run_warm  # noqa: E402 - needs the path above
+from scripts.mutation.mutants import has_mutants  # noqa: E402 - needs the path above
+from scripts.mutation.warm_tests import PACKAGE, Target, Tests, run_warm  # noqa: E402 - the same
 from tests.world.processors import WITHOUT_AVX_512, is_without_avx_512  # noqa: E402 - as above
 
 SURVIVORS = ROOT / "scripts" / "mutation" / "survivors.toml"
@@ -113,7 +114,7 @@ def files_of(name: str) -> list[str]:
     """
     path = ROOT / PACKAGE / name
     found = sorted(path.rglob("*.py")) if path.is_dir() else [path]
-    return [file for each in found if Target(file := each.relative_to(ROOT / PACKAGE).as_posix()).mutants]
+    return [each.relative_to(ROOT / PACKAGE).as_posix() for each in found if has_mutants(each.read_text())]
 
 
 def known_survivors() -> dict[tuple[str, str, str], str]:

@@ -358,16 +358,17 @@ def _reading_of(path: Path, root: Path) -> _Reading:
     source = path.read_text()
     tree = ast.parse(source)
     nodes = list(ast.walk(tree))
-    imports = tuple(name for _, name in _imports(nodes, parts))
+    imports = list(_imports(nodes, parts))
+    names = tuple(name for _, name in imports)
     if room not in ARROWS:
-        return _Reading((), imports)
+        return _Reading((), names)
     faults = {
-        *_import_faults(nodes, room, parts),
+        *_import_faults(imports, room),
         *_call_faults(nodes, room),
-        *_hidden_faults(nodes, source, room, parts),
+        *_hidden_faults(nodes, imports, source, room, parts),
         *_state_faults(tree, room),
     }
-    return _Reading(tuple(sorted(faults)), imports)
+    return _Reading(tuple(sorted(faults)), names)
 
 
 def _imports(nodes: Iterable[ast.AST], parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
@@ -383,9 +384,9 @@ def _imports(nodes: Iterable[ast.AST], parts: tuple[str, ...]) -> Iterator[tuple
             yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
 
 
-def _import_faults(nodes: Sequence[ast.AST], room: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+def _import_faults(imports: Iterable[tuple[int, str]], room: str) -> Iterator[tuple[int, str]]:
     outer = room.partition(".")[0]
-    for line, name in _imports(nodes, parts):
+    for line, name in imports:
         first, *rest = name.split(".")
         if first == PACKAGE:
             target = _room_of(rest) if rest else ""
@@ -432,7 +433,7 @@ def _call_faults(nodes: Sequence[ast.AST], room: str) -> Iterator[tuple[int, str
 
 
 def _hidden_faults(
-    nodes: Sequence[ast.AST], source: str, room: str, parts: tuple[str, ...]
+    nodes: Sequence[ast.AST], imports: Iterable[tuple[int, str]], source: str, room: str, parts: tuple[str, ...]
 ) -> Iterator[tuple[int, str]]:
     """Arrows that the program does not follow when it runs, in no function either, and private attributes of others."""
     if room.partition(".")[0] in OUTSIDE:
@@ -444,7 +445,7 @@ def _hidden_faults(
             getattr(node.test, "attr", ""),
         }:
             hidden += [each for child in node.body for each in _imports(ast.walk(child), parts)]
-    followed = {name.rpartition(".")[0] for line, name in _imports(nodes, parts) if (line, name) not in hidden}
+    followed = {name.rpartition(".")[0] for line, name in imports if (line, name) not in hidden}
     for line, name in hidden:
         if name.partition(".")[0] == PACKAGE and name.rpartition(".")[0] not in followed:
             yield line, f"{room} must not hide the import of {name} from the program"

@@ -72,6 +72,11 @@ def mutants_of(source: str) -> list[Mutant]:
     return found
 
 
+def has_mutants(source: str) -> bool:
+    """Whether a file has any mutant, in a fraction of the time that all of them take."""
+    return any(True for node in _nodes(ast.parse(source)) for _ in _variants(node))
+
+
 def mutate(source: str, mutant: Mutant) -> ast.Module:
     """Return the tree of a file with one change.
 
