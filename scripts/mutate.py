@@ -96,6 +96,9 @@ TESTS = {
     "graph/ros2": "graph/ros2 graph/gateway",
     "graph/gateway": "graph/ros2 graph/gateway",
     "shell/rendering": "shell/rendering",
+    "contracts": "contracts",
+    "doctor": "doctor",
+    "mock": "mock",
 }
 """The central files and folders, with the tests that should notice their mutants."""
 
