@@ -156,15 +156,15 @@ def test_a_parameter_counts_for_the_client_that_set_it_last() -> None:
 
 def test_parameters_outlive_their_client_and_no_longer_count_for_it() -> None:
     bus = make_bus()
-    rosapi = Rosapi(bus)
+    Rosapi(bus)
     peer, _ = make_peer(bus)
     peer.receive(
         b'{"op":"call_service","service":"/rosapi/set_param","args":{"name":"/a","value":"1"}}',
         0.0,
     )
-    assert rosapi.num_held(peer) > 0
+    assert bus.parameters.num_held(peer) > 0
     peer.leave(0.0)
-    assert rosapi.num_held(peer) == 0
+    assert bus.parameters.num_held(peer) == 0
     assert list(bus.parameters) == ["/a"]
 
 

@@ -49,8 +49,8 @@ _ACTIONLIB = ("cancel", "feedback", "result", "status")
 """Topics of a ROS 1 action server in addition to `goal`."""
 
 _SERVICE_PARTS = ("request", "response")
-_ACTION_PARTS = ("goal", "result", "feedback")
-"""Parts of the types of services and actions; each is a message."""
+_PARTS = ("message", *_SERVICE_PARTS, "goal", "result", "feedback")
+"""A message itself, and the parts of the types of services and actions; each is a message."""
 
 _DISTROS = {1: "noetic", 2: "jazzy"}
 """The distributions that the built-in standard definitions come from."""
@@ -81,6 +81,7 @@ class Rosapi(Participant):
             run_id: value of the parameter `/run_id`, another one in each run; empty to set no parameters.
         """
         self._bus = bus
+        self._spelled = bus.store.spelled
         self._policy = policy
         self._params = bus.parameters
         self._may_use_all = policy.parameter == Rule()
@@ -100,15 +101,15 @@ class Rosapi(Participant):
             "node_details": ("NodeDetails", self._node_details),
             "service_host": ("ServiceHost", self._service_host),
             "topics_and_raw_types": ("TopicsAndRawTypes", self._topics_and_raw_types),
-            "message_details": ("MessageDetails", self._message_details),
-            "service_request_details": ("ServiceRequestDetails", self._request_details),
-            "service_response_details": ("ServiceResponseDetails", self._response_details),
+            "message_details": ("MessageDetails", self._details("message")),
+            "service_request_details": ("ServiceRequestDetails", self._details("request")),
+            "service_response_details": ("ServiceResponseDetails", self._details("response")),
             "interfaces": ("Interfaces", self._interfaces),
             "action_servers": ("GetActionServers", self._action_servers),
             "action_type": ("ActionType", self._action_type),
-            "action_goal_details": ("ActionGoalDetails", self._goal_details),
-            "action_result_details": ("ActionResultDetails", self._result_details),
-            "action_feedback_details": ("ActionFeedbackDetails", self._feedback_details),
+            "action_goal_details": ("ActionGoalDetails", self._details("goal")),
+            "action_result_details": ("ActionResultDetails", self._details("result")),
+            "action_feedback_details": ("ActionFeedbackDetails", self._details("feedback")),
             "get_ros_version": ("GetROSVersion", self._ros_version),
             "get_time": ("GetTime", self._get_time),
             "get_param": ("GetParam", self._get_param),
@@ -133,13 +134,6 @@ class Rosapi(Participant):
             for name, text in {**_ROSCORE, "/run_id": run_id}.items():
                 self._params.put(name, _to_text(text), self)
         bus.on_leave.append(self._on_leave)
-
-    def notify(self, level: str, text: str) -> None:
-        """Do nothing: rosapi makes no requests, so it needs no notices."""
-
-    def _spelled(self, type_name: str, kind: DefinitionKind) -> str:
-        """Return a type's name in the spelling of the ROS generation."""
-        return self._bus.store.spelled(type_name, kind)
 
     # Topics
 
@@ -261,38 +255,31 @@ class Rosapi(Participant):
         except TypeNameError as error:
             return f"# failed to get full definition text for {name}: {error}"
 
-    def _describe(self, message_type: MessageType) -> _Fields:
-        make = self._bus.store.message("rosapi/TypeDef").struct_type
-        return {"typedefs": [make(**asdict(typedef)) for typedef in typedefs(message_type.spec)]}
+    def _details(self, part: str) -> Callable[[_Request], _Fields]:
+        """Return what answers a question for the fields of a message, or of a part of a service or an action."""
 
-    def _message_details(self, request: _Request) -> _Fields:
-        return self._describe(self._bus.store.message(request.type))
+        def describe(request: _Request) -> _Fields:
+            make = self._bus.store.message("rosapi/TypeDef").struct_type
+            return {"typedefs": [make(**asdict(one)) for one in typedefs(self._part_of(request.type, part).spec)]}
 
-    def _request_details(self, request: _Request) -> _Fields:
-        return self._describe(self._bus.store.service(request.type).request)
+        return describe
 
-    def _response_details(self, request: _Request) -> _Fields:
-        return self._describe(self._bus.store.service(request.type).response)
-
-    def _goal_details(self, request: _Request) -> _Fields:
-        return self._describe(self._bus.store.action(request.type).goal)
-
-    def _result_details(self, request: _Request) -> _Fields:
-        return self._describe(self._bus.store.action(request.type).result)
-
-    def _feedback_details(self, request: _Request) -> _Fields:
-        return self._describe(self._bus.store.action(request.type).feedback)
+    def _part_of(self, name: str, part: str) -> MessageType:
+        """Return a message, or a part of a service or an action."""
+        store = self._bus.store
+        if part == "message":
+            return store.message(name)
+        found: MessageType = getattr(store.service(name) if part in _SERVICE_PARTS else store.action(name), part)
+        return found
 
     def _definition(self, request: _Request) -> _Fields:
         """Return the text of any type, for forms that show comments and units."""
-        store, name, part = self._bus.store, request.type, request.part or "message"
+        part = request.part or "message"
+        if part not in _PARTS:
+            raise GraphError(f"part: expected one of {', '.join(_PARTS)}; got {part[:40]}")
         if part == "message":
-            return {"text": store.full_text(name)}
-        if part in _SERVICE_PARTS:
-            return {"text": full_text(getattr(store.service(name), part).spec)}
-        if part in _ACTION_PARTS:
-            return {"text": full_text(getattr(store.action(name), part).spec)}
-        raise GraphError(f"part: expected one of message, {', '.join(_SERVICE_PARTS + _ACTION_PARTS)}; got {part[:40]}")
+            return {"text": self._bus.store.full_text(request.type)}
+        return {"text": full_text(self._part_of(request.type, part).spec)}
 
     def _interfaces(self, _request: _Request) -> _Fields:
         store, spelled = self._bus.store, self._spelled
@@ -390,10 +377,6 @@ class Rosapi(Participant):
 
     def _get_param_names(self, _request: _Request) -> _Fields:
         return {"names": self._usable(list(self._params))}
-
-    def num_held(self, owner: Participant) -> int:
-        """Return the memory of the parameters that an owner has set [bytes]."""
-        return self._params.num_held(owner)
 
     def _on_leave(self, owner: Participant, _now: float) -> None:
         self._params.disown(owner)
