@@ -23,8 +23,8 @@ from rosbridge_sim.world.roads.lane_joins import Joins
 from rosbridge_sim.world.roads.paths import Paths
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
-from rosbridge_sim.world.roads.signals import NEVER_FRAME, Signals, look_at
-from rosbridge_sim.world.roads.turn_shares import ONE, TurnKinds, TurnShares
+from rosbridge_sim.world.roads.signals import NEVER_FRAME, ShownLights, Signals, look_at
+from rosbridge_sim.world.roads.turn_shares import TurnKinds
 
 T = TypeVar("T")
 
@@ -108,7 +108,7 @@ class ManyRoads(Roads):
         elif isinstance(value, LaneNeighbours):
             many = _repeat_neighbours(value, self)
         elif isinstance(value, TurnKinds):
-            many = _ManyTurns(value, self)
+            many = TurnKinds(self.alone, self.num)
         elif make in _BY_LANE:
             many = np.tile(value, self.num)
         return cast("T", many)
@@ -166,21 +166,6 @@ def _repeat_neighbours(one: LaneNeighbours, roads: ManyRoads) -> LaneNeighbours:
     return many
 
 
-class _ManyTurns(TurnKinds):
-    """The turns of a map, once for each world."""
-
-    __slots__ = ("_one", "_roads")
-
-    def __init__(self, one: TurnKinds, roads: ManyRoads) -> None:
-        self._one, self._roads = one, roads
-        self._bounds = None
-
-    def _find_bounds(self, shares: TurnShares) -> IntArray:
-        bounds = self._one.bounds(shares)
-        step = ONE * len(self._roads.alone)
-        return np.tile(bounds, self._roads.num) + (np.arange(self._roads.num) * step).repeat(len(bounds))
-
-
 class ManyPaths(Paths):
     """The stores of some worlds, one after another; read only.
 
@@ -204,7 +189,7 @@ class ManyPaths(Paths):
         self.num = len(self.keys)
 
 
-class ManySignals(Signals):
+class ManySignals(ShownLights):
     """The lights of all worlds of a batch.
 
     `shown` and `may_enter` have those of one world after another, as `ManyRoads` has its lanes. Of the plan, only

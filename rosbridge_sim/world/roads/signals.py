@@ -85,7 +85,26 @@ def look_at(plan: SignalPlan, frame: int | IntArray, origin: IntArray, forced: I
     return Look(shown, is_silent | (colour & plan.pass_of_lane != 0), interval, next_change)
 
 
-class Signals:
+class ShownLights:
+    """What drivers see of lights: those of a map, or of many worlds.
+
+    Attributes:
+        plan: of the lights; of many worlds, `light_of_lane` alone is repeated.
+        shown, may_enter: as in `Signals`.
+    """
+
+    __slots__ = ("may_enter", "plan", "shown")
+
+    plan: SignalPlan
+    shown: IntArray
+    may_enter: BoolArray
+
+    def advance(self, frame: int) -> None:
+        """Move on to a frame, which is not before the present one."""
+        raise NotImplementedError
+
+
+class Signals(ShownLights):
     """The lights of a map at a frame.
 
     Attributes:
@@ -102,10 +121,7 @@ class Signals:
         "_origin",
         "_until",
         "frame",
-        "may_enter",
         "phase",
-        "plan",
-        "shown",
     )
 
     def __init__(self, plan: SignalPlan, frame: int = 0) -> None:

@@ -18,7 +18,7 @@ from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, in_columns, ranges
 from rosbridge_sim.world.roads.roads import LEVEL, Roads
 from rosbridge_sim.world.roads.signal_plan import Lamp, SignalPlan
-from rosbridge_sim.world.roads.signals import Signals
+from rosbridge_sim.world.roads.signals import ShownLights
 
 BESIDE_LINE: Final = 0.5
 """A point that passes this far beside a lane's edge has still passed its stop line [m]: half of the car is over it."""
@@ -65,7 +65,7 @@ class StopLines:
         self._lines: tuple[BoolArray, IntArray, BlockGrid] | None = None
 
     def find_passed(
-        self, signals: Signals, first: ComplexArray, last: ComplexArray, heading: ComplexArray, z: FloatArray
+        self, signals: ShownLights, first: ComplexArray, last: ComplexArray, heading: ComplexArray, z: FloatArray
     ) -> Passed:
         """Return the stop lines that points have come over in the lanes' direction.
 
@@ -118,7 +118,7 @@ class StopLines:
         return self._lines[1:]
 
 
-def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray, first: IntArray) -> tuple[IntArray, IntArray]:
+def find_red_lanes(roads: Roads, signals: ShownLights, lane: IntArray, first: IntArray) -> tuple[IntArray, IntArray]:
     """Return the lanes behind stop lines that show red now.
 
     A light forbids a lane if its red lamp is lit and none that allows this lane. Yellow forbids nothing here: it is for

@@ -61,9 +61,15 @@ class TurnKinds:
         kind: (k,) int64, its place among the fields of `TurnShares`.
     """
 
-    __slots__ = ("_bounds", "_first", "kind", "lane")
+    __slots__ = ("_bounds", "_first", "_num_copies", "kind", "lane")
 
-    def __init__(self, roads: Roads) -> None:
+    def __init__(self, roads: Roads, num_copies: int = 1) -> None:
+        """Find the kinds.
+
+        Args:
+            roads: lanes of a map.
+            num_copies: how often the lanes are there, as in `many_roads`; `bounds` are those of all copies.
+        """
         onward = roads.derived(LaneConflicts).onward
         self._first = onward.first
         self.lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(onward.first))
@@ -74,6 +80,7 @@ class TurnKinds:
             angle = wrap_angle(beyond - before)
             self.kind = np.where(angle > STRAIGHT, 0, np.where(angle < -STRAIGHT, 2, 1))
         self._bounds: tuple[TurnShares, IntArray] | None = None  # of the last shares: a world has the same for long
+        self._num_copies = num_copies
 
     def bounds(self, shares: TurnShares) -> IntArray:
         """Return bounds for all successors, (k,) int64, rising.
@@ -82,7 +89,9 @@ class TurnKinds:
         `i * ONE`. Where a lane has only turns with share 0, all of them are equally likely.
         """
         if self._bounds is None or self._bounds[0] != shares:
-            self._bounds = shares, self._find_bounds(shares)
+            one, num = self._find_bounds(shares), self._num_copies
+            lanes_before = (np.arange(num) * (len(self._first) - 1)).repeat(len(one))
+            self._bounds = shares, np.tile(one, num) + lanes_before * ONE
         return self._bounds[1]
 
     def _find_bounds(self, shares: TurnShares) -> IntArray:

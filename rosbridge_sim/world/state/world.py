@@ -115,6 +115,7 @@ class World(EntityRows):
 
     seed: int
     passing: IntArray
+    _signals: Signals
 
     def __init__(
         self,
@@ -138,6 +139,11 @@ class World(EntityRows):
         self.reset(seed)
 
     # -- the population
+
+    @property
+    def signals(self) -> Signals:
+        """The traffic lights at this frame."""
+        return self._signals
 
     def spawn(
         self,

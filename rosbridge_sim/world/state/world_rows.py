@@ -17,7 +17,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.paths import Paths, Segments
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
-from rosbridge_sim.world.roads.signals import Signals
+from rosbridge_sim.world.roads.signals import ShownLights
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
 from rosbridge_sim.world.state.entity_types import Body, Dynamics, Kind
@@ -54,7 +54,7 @@ class WorldRows(EntityArrays, ABC):
     world_of_row: IntArray | None = None
     frame: int
     roads: Roads
-    _signals: Signals
+    _signals: ShownLights
     on_heap: Callable[[], object] | None = None
 
     def __init__(
@@ -86,7 +86,7 @@ class WorldRows(EntityArrays, ABC):
         return value
 
     @property
-    def signals(self) -> Signals:
+    def signals(self) -> ShownLights:
         """The traffic lights at this frame."""
         return self._signals
 
