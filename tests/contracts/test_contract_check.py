@@ -60,6 +60,35 @@ def test_rate_may_differ_by_the_tolerance(rate: float, *, is_broken: bool) -> No
     assert bool(broken(TopicTerms(type="", rate=rate), *[{}] * 11)) == is_broken
 
 
+@pytest.mark.parametrize(
+    ("num", "text"),
+    [
+        (1, "1 message within 1 s"),
+        (2, "2 messages within 1 s"),
+        (3, "10 Hz"),
+        (4, "10 Hz"),
+    ],
+)
+def test_rate_of_three_messages_is_judged_and_fewer_are_too_few(num: int, text: str) -> None:
+    (line,) = broken(TopicTerms(type="", rate=40.0), *[{}] * num)
+    assert line == f"/t: rate: expected 32 to 48 Hz, got {text}"
+    slow = broken(TopicTerms(type="", rate=3.5), *[{}] * num)
+    assert slow == ([] if num < 3 else ["/t: rate: expected 2.8 to 4.2 Hz, got 10 Hz"])  # fewer may be late by chance
+
+
+def test_nine_texts_are_cut_to_eight() -> None:
+    words = [str(i) for i in range(9)]
+    (line,) = broken_field(FieldTerms(values=list(words)), "x")
+    assert line.startswith('/t: x: expected one of "0", "1", "2", "3", "4", "5", "6", "7", ..., got')
+    (line,) = broken_field(FieldTerms(values=list(words[:8])), "x")
+    assert line.startswith('/t: x: expected one of "0", "1", "2", "3", "4", "5", "6", "7", got')
+
+
+def test_list_without_a_least_length_may_be_empty() -> None:
+    assert broken_field(FieldTerms(max_length=2), [], [1, 2]) == []
+    assert len(broken_field(FieldTerms(max_length=2), [1, 2, 3])) == 1
+
+
 def test_broken_rate_is_told_with_its_bounds() -> None:
     assert broken(TopicTerms(type="", rate=50.0), *[{}] * 11) == ["/t: rate: expected 40 to 60 Hz, got 10 Hz"]
     assert broken(TopicTerms(type="", rate=50.0), {}) == ["/t: rate: expected 40 to 60 Hz, got 1 message within 1 s"]

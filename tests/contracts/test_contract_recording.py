@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.contracts.contract import CONTRACT, FieldTerms
+from rosbridge_sim.contracts.contract import CONTRACT, TOLERANCE, FieldTerms
 from rosbridge_sim.contracts.contract_check import judge_contract
 from rosbridge_sim.contracts.contract_recording import contract_document, record_contract
 from rosbridge_sim.contracts.seen_system import SeenSystem, SeenTopic
@@ -60,6 +60,27 @@ def test_lengths_of_lists_have_the_margin_only_where_they_differ() -> None:
     found = fields_of({"a": [1] * 3, "b": [1] * 2}, {"a": [1] * 3, "b": [1] * 12})
     assert found["a"] == FieldTerms(min_length=3, max_length=3)
     assert found["b"] == FieldTerms(min_length=1, max_length=13)
+
+
+def test_list_that_was_empty_once_may_be_empty() -> None:
+    found = fields_of({"a": [], "b": [1]}, {"a": [1] * 10, "b": [1] * 11})
+    assert found["a"] == FieldTerms(min_length=0, max_length=11)
+    assert found["b"] == FieldTerms(min_length=0, max_length=12)
+
+
+def test_field_of_two_kinds_has_no_bounds_but_must_be_there() -> None:
+    found = fields_of({"x": 1.0, "y": "a", "z": [1]}, {"x": "one", "y": True, "z": 3})
+    assert (found["x"], found["y"], found["z"]) == (FieldTerms(), FieldTerms(), FieldTerms())
+
+
+def test_contract_has_the_types_and_a_tolerance_that_is_not_the_usual_one() -> None:
+    seen = observed(topic_of(*[{}] * 6))
+    usual, own = record_contract(seen, 0.1), record_contract(seen, 0.1, 0.5)
+    assert (usual.topics["/t"].type, usual.services) == ("a/B", {"/s": "c/D"})
+    assert (usual.topics["/t"].tolerance, own.topics["/t"].tolerance) == (TOLERANCE, 0.5)
+    assert "tolerance" not in str(contract_document(usual))
+    unknown = record_contract(SeenSystem(seen.topics, None, None, 1.0), 0.1)
+    assert (unknown.topics["/t"].type, unknown.services) == ("", {})
 
 
 def test_field_that_was_missing_once_is_no_term() -> None:
