@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -17,7 +15,9 @@ import pytest
 from rosbridge_sim.client import Client
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.shell.files.library import DiskLibrary
+from tests import fork_server
 from tests.cpu_time import communicate
+from tests.fork_server import ForkedProgram
 from tests.support import PATIENCE, ROOT, ServerProcess
 
 pytest.importorskip("moderngl")
@@ -81,9 +81,8 @@ def client(server: ServerProcess) -> Iterator[Client]:
         yield client
 
 
-def start(server: ServerProcess, name: str, *flags: str) -> subprocess.Popen[str]:
-    command = [sys.executable, str(ROOT / "scripts" / "examples" / name), "--url", server.url, *flags]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def start(server: ServerProcess, name: str, *flags: str) -> ForkedProgram:
+    return fork_server.popen([ROOT / "scripts" / "examples" / name, "--url", server.url, *flags])
 
 
 def run(server: ServerProcess, name: str, *flags: str) -> str:
