@@ -170,11 +170,19 @@ class _ClientWires:
         self._by_topic: dict[str, _FaultyWire] = {}
 
     def of_topic(self, name: str) -> _FaultyWire:
-        """Return the way of a topic's messages from the client."""
+        """Return the way of a topic's messages from the client.
+
+        Raises:
+            GraphError: messages of as many topics are delayed as the client may hold at once.
+        """
         wire = self._by_topic.get(name)
         if wire is None:
-            if len(self._by_topic) >= self.owner.policy.max_held:  # as many topics as it may hold at once
+            limit = self.owner.policy.max_held
+            if len(self._by_topic) >= limit:
                 self._by_topic = {each: kept for each, kept in self._by_topic.items() if kept.is_delaying}
+            if len(self._by_topic) >= limit:
+                text = f"{name}: faults of the mock delay messages of {limit} other topics of this client already"
+                raise GraphError(text, reason=Reason.TOO_MUCH)
             wire = self._by_topic[name] = _FaultyWire(self, self.bus.deliver_published, "publish")
         return wire
 

@@ -252,6 +252,19 @@ async def test_late_calls_are_bounded_and_given_up_with_their_client(
         await until(lambda: bus.num_late_bytes == 0)
 
 
+async def test_topics_whose_messages_are_delayed_are_bounded(tmp_path: Path) -> None:
+    text = FROM_CLIENTS.replace("RULE", "kind: delay, topics: ['/t*'], seconds: 60")
+    async with mock_of(tmp_path, text, max_held=3) as sim, connect(sim.url, compression=None) as socket:
+        for i in range(4):
+            name = f"/t{i}"
+            await socket.send(orjson.dumps({"op": "advertise", "topic": name, "type": "std_msgs/Float64"}).decode())
+            await socket.send(orjson.dumps({"op": "publish", "topic": name, "msg": {"data": 1}}).decode())
+            await socket.send(orjson.dumps({"op": "unadvertise", "topic": name}).decode())
+        async with asyncio.timeout(10):
+            status = orjson.loads(await socket.recv())
+        assert status["msg"] == "/t3: faults of the mock delay messages of 3 other topics of this client already"
+
+
 async def test_faults_of_one_client_spare_the_others(tmp_path: Path, subscribe: Subscribe) -> None:
     text = ROBOT + "\nfaults: {n: {kind: nan, clients: [1]}, s: {kind: wrong_type, clients: ['127.0.0.2*']}}"
     async with mock_of(tmp_path, text) as sim:
