@@ -179,3 +179,17 @@ def test_people_far_from_all_lanes_are_left_out_until_they_come_near() -> None:
         for name in ("lane", "s", "tail", "speed", "accel", "stands"):
             assert getattr(found[0], name).tobytes() == getattr(fresh[0], name).tobytes()
     assert 200 < num_far < 1400
+
+
+@pytest.mark.parametrize(("num", "are_left_out"), [(64, True), (65, False)])
+def test_all_of_a_crowd_are_looked_for_on_lanes(num: int, *, are_left_out: bool) -> None:
+    world = World()
+    world.lay_roads(*street())
+    car(world, "a", 10.0, speed=5.0)
+    rows = [world.row(world.spawn(Kind.PEDESTRIAN, MAN, name="p", x=20.0, y=-9.0)) for _ in range(num)]
+    world.yields[rows] = 1
+    bodies = LaneFollowers(world).other_entities._bodies
+    assert not bodies.find_far().any()  # nobody has been looked for yet
+    world.x[rows] += 1.0
+    assert bodies.find_far().all() == are_left_out
+    assert bodies.find_far().any() == are_left_out
