@@ -44,6 +44,7 @@ from rosbridge_sim.world.geometry.planar import (
     distinct,
     do_boxes_meet,
     in_columns,
+    is_any,
     ranges,
     wrap_angle,
 )
@@ -262,12 +263,12 @@ class CollisionDetector:
 
     def _is_astray(self) -> bool:
         """Return whether an entity has strayed from its foreseen place or heading by more than its margin."""
-        if not np.count_nonzero(self._is_out):
+        if not is_any(self._is_out):
             return False
         turn = self._drift[:, POSE_YAW]
         np.minimum(turn, FULL_TURN - turn, out=turn)  # a vehicle that drives west has a yaw next to pi or to -pi
         np.greater(turn, self._margin[POSE_YAW], self._is_out[:, POSE_YAW])
-        return bool(self._is_out.any())
+        return is_any(self._is_out)
 
     def _find_astray(self) -> slice | IntArray:
         """Return the rows of the worlds in which an entity is astray."""
@@ -340,7 +341,7 @@ class CollisionDetector:
         within = reach[:, None] + reach
         is_near = np.abs(x[:, None] - x) <= within
         is_near &= self._may_meet
-        return not np.count_nonzero(is_near) or not np.count_nonzero(is_near & (np.abs(y[:, None] - y) <= within))
+        return not is_any(is_near) or not is_any(is_near & (np.abs(y[:, None] - y) <= within))
 
     def _with_old(self, pairs: IntArray, at: IntArray) -> IntArray:
         """Return new pairs (2, m) of the rows `at`, and the pairs of the list that are of others, in order of ids."""
@@ -427,7 +428,7 @@ class CollisionDetector:
         np.absolute(turn, turn)
         turn *= self._swing
         turn += nearer
-        return not np.count_nonzero(turn[:, 0] + turn[:, 1] >= self._gap)
+        return not is_any(turn[:, 0] + turn[:, 1] >= self._gap)
 
     def _judge(self) -> IntArray:
         """Return the pairs of the list that touch, as ids."""
@@ -445,17 +446,17 @@ class CollisionDetector:
         turn = np.abs(heading[1] - heading[0])
         # Whatever a box passes while it turns is within the box that is larger by the way of its corners.
         room = self._half + (turn * self._swing)[..., None]
-        if not np.count_nonzero(do_boxes_meet(apart[0], apart[1], heading[1], room)):
+        if not is_any(do_boxes_meet(apart[0], apart[1], heading[1], room)):
             self._gap = box_gaps(apart[1], heading[1], self._half) - TOUCHING
             self._judged = poses[1, : POSE_YAW + 1]
             return NO_CONTACTS
         is_hit = do_boxes_meet(apart[0], apart[1], heading[1], self._half)
         stray = turn / self._chord
-        if np.count_nonzero(stray > 1.0):
+        if is_any(stray > 1.0):
             turning = (stray > 1.0).any(axis=0).nonzero()[0]
             for num, those in self._pieces_of(turning, stray[:, turning].max(axis=0)):
                 is_hit[those] = self._judge_turning(poses.take(those, axis=-1), those, num)
-        if not np.count_nonzero(is_hit):
+        if not is_any(is_hit):
             return NO_CONTACTS
         pairs, z = pairs[:, is_hit], poses[:, POSE_Z][..., is_hit]
         low, high = z.min(axis=0), z.max(axis=0) + self._world.height[pairs]

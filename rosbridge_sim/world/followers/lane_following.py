@@ -45,7 +45,7 @@ from rosbridge_sim.world.followers.other_entities import OtherEntities
 from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.bends import offset, stretch
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows, wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, is_any, of_rows, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
@@ -83,6 +83,9 @@ LONGEST_LEG: Final = 1e9
 _MOTION: Final = ("accel", "leg_dz")
 _LAST_MOVED, _NUM_MOVED = "arc", 9
 """First and last of the columns that `move` reads, and the last of those that it writes, with the number of these."""
+
+_Bends = tuple[FloatArray, FloatArray]
+"""Of the legs that vehicles are on: (n, 2) the curves, see `bends.leg_curves`, and (n,) the lengths [m]."""
 
 MAX_STRETCH: Final = 0.5
 """The line of a bend is longer or shorter than the way beside it by this share of the way, at most: a lane's width
@@ -242,6 +245,7 @@ class LaneFollowers:
         self.wander = LaneWander(world, self.rows)
         self.other_entities = OtherEntities(world, world.alive & ~follows)
         self._beside: FloatArray | None = None
+        self._bends: _Bends | tuple[()] | None = None
         self.kernel: Kernel | None = None
         self._maker: Callable[[LaneFollowers], Kernel] | None = None
 
@@ -253,7 +257,7 @@ class LaneFollowers:
     def decide(self) -> None:
         """Choose the accelerations until the next decision."""
         world, at = self.world, self.at
-        self._beside = None
+        self._beside = self._bends = None
         if len(self.egos.rows):
             self.egos.project()
             self.advance_lanes(self.egos.index)
@@ -266,9 +270,10 @@ class LaneFollowers:
             wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
-            wanted = self.changes.decide(drivers, perception, desired_speed, wanted, self._decision())
-            self.shifted = find_shifted(world, at)
-            lanes = of_rows(world.int_block("lane", "ahead_5"), at)
+            wanted, has_begun = self.changes.decide(drivers, perception, desired_speed, wanted, self._decision())
+            if has_begun or len(self.shifted):
+                self.shifted = find_shifted(world, at)
+                lanes = of_rows(world.int_block("lane", "ahead_5"), at)
         accel = drivers.accel + self.response * (wanted - drivers.accel)
         if len(self.egos.rows):  # their pedals have a lag of their own
             index = self.egos.index
@@ -419,11 +424,10 @@ class LaneFollowers:
 
     def _move_at_once(self, dt: float) -> None:
         """Move many vehicles, or some that change lanes."""
-        world, at = self.world, self.at
         accel, _, yaw_rate, x, y, yaw, speed, z, arc, leg_start, leg_end, *leg = columns = self._columns()
         after = speed + accel * dt
         is_stopping = after < 0.0
-        if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
+        if is_any(is_stopping):  # it brakes by no more than brings it to a stand
             after = np.fmax(after, 0.0)
             accel[:] = np.where(is_stopping, speed / -dt, accel)
         step = (speed + after) * (0.5 * dt)
@@ -435,27 +439,38 @@ class LaneFollowers:
             step[self.shifted] = self._along(step[self.shifted], dt)
         arc += self.on_chords(step)
         speed[:] = after
-        past = (arc >= leg_end).nonzero()[0]
-        if len(past):
+        is_past = arc >= leg_end
+        if is_any(is_past):
+            past = is_past.nonzero()[0]
             self._write(columns, past)
             self._pass_ends(past)
             self._read(columns, past)
         leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = leg
         distance = arc - leg_start
-        for place, start, direction in ((x, leg_x, leg_dx), (y, leg_y, leg_dy), (z, leg_z, leg_dz)):
+        for place, start, direction in ((x, leg_x, leg_dx), (y, leg_y, leg_dy)):
             np.multiply(distance, direction, place)
             np.add(place, start, place)
-        curve = self.roads.curve.take(world.point[at], axis=0)
-        if np.count_nonzero(curve):
-            # Until the first decision the leg of a self-driving ego has no end.
-            aside = offset(curve, distance, np.fmin(leg_end - leg_start, LONGEST_LEG))
+        if self._bends is None or not self.roads.is_flat:  # else the height is that of the last step
+            np.multiply(distance, leg_dz, z)
+            np.add(z, leg_z, z)
+        if self._bends is None:
+            self._bends = self._find_bends(leg_start, leg_end)
+        if self._bends:
+            curve, length = self._bends
+            aside = offset(curve, distance, length)
             x -= aside * leg_dy
             y += aside * leg_dx
         yaw += yaw_rate * dt
-        beyond = (np.abs(yaw) >= math.pi).nonzero()[0]
-        if len(beyond):
-            yaw[beyond] = wrap_angle(yaw[beyond])
+        is_beyond = np.abs(yaw) >= math.pi
+        if is_any(is_beyond):
+            yaw[is_beyond] = wrap_angle(yaw[is_beyond])
         self._write(columns, slice(None))
+
+    def _find_bends(self, leg_start: FloatArray, leg_end: FloatArray) -> _Bends | tuple[()]:
+        """Return the bends of the legs with these starts and ends, (n,); nothing where all are straight."""
+        curve = self.roads.curve.take(self.world.point[self.at], axis=0)
+        # Until the first decision the leg of a self-driving ego has no end.
+        return (np.asfortranarray(curve), np.fmin(leg_end - leg_start, LONGEST_LEG)) if np.count_nonzero(curve) else ()
 
     def _columns(self) -> Sequence[FloatArray]:
         """Return the columns of `_MOTION`, (n,) each: views where the rows are neighbours, else copies."""
@@ -488,6 +503,7 @@ class LaneFollowers:
     def _pass_ends(self, which: IntArray) -> None:
         """Bring lane and leg up to date for vehicles that are beyond the ends of their legs."""
         world, rows = self.world, self.rows[which]
+        self._bends = None
         if not self.roads.has_long_legs:
             farther = enter_next_legs(world, self.conflicts, rows)
             if len(farther):
@@ -537,7 +553,7 @@ class LaneFollowers:
         world, rows = self.world, self.rows[which]
         for _ in range(MAX_LANES_ENTERED):
             is_over = world.arc[rows] >= self.roads.length[world.lane[rows]]
-            if not np.count_nonzero(is_over):
+            if not is_any(is_over):
                 break
             self._enter_next(which[is_over])
         set_legs(world, self.conflicts, rows)
@@ -546,7 +562,7 @@ class LaneFollowers:
         """Move vehicles on to the next lane; at a dead end they stand at the end of theirs."""
         world, rows = self.world, self.rows[which]
         is_end = world.ahead_1[rows] < 0
-        if np.count_nonzero(is_end):
+        if is_any(is_end):
             at_end = rows[is_end]
             world.arc[at_end] = np.nextafter(self.roads.length[world.lane[at_end]], 0.0)
             world.speed[at_end] = world.accel[at_end] = 0.0

@@ -61,6 +61,10 @@ MIN_HEADWAY: Final = 0.4
 """A change needs this time gap to the lead vehicle in addition, and leaves it to the follower [s]."""
 
 
+FEW: Final = 8
+"""Up to this number of vehicles, single floats are faster than arrays: 1 us for each, or 15 us for all."""
+
+
 def follow(speed: FloatArray, desired_speed: FloatArray, gap: FloatArray, lead_speed: FloatArray | float) -> FloatArray:
     """Return the accelerations by the intelligent driver model, for a mean driver.
 
@@ -70,9 +74,9 @@ def follow(speed: FloatArray, desired_speed: FloatArray, gap: FloatArray, lead_s
         gap: (k,) to the lead vehicle, inf for none [m].
         lead_speed: (k,) [m/s].
     """
-    if len(speed) == 1 and isinstance(lead_speed, np.ndarray):
-        numbers = speed.item(), desired_speed.item(), gap.item(), lead_speed.item()
-        return np.array(written(mean_follow, 4)(*numbers))
+    if len(speed) <= FEW and isinstance(lead_speed, np.ndarray):
+        columns = speed.tolist(), desired_speed.tolist(), gap.tolist(), lead_speed.tolist()
+        return np.array([number for (number,) in map(written(mean_follow, 4), *columns)])
     return np.asarray(mean_follow(ARRAYS, speed, desired_speed, gap, lead_speed))
 
 

@@ -79,17 +79,24 @@ class Shifts(Record, eq=False):
     change_time: FloatArray
 
 
-def is_clear(world: WorldRows, shifts: Shifts, speed: FloatArray) -> BoolArray:
+Edges = tuple[IntArray, FloatArray, FloatArray]
+"""What is ahead of vehicles that change lanes, in their lane, (p,) each; there may be several for a vehicle: which
+vehicle; how far its own side must come from where it began, to pass [m]; the distance from its front bumper to the tail
+of what is ahead, along the lane [m]."""
+
+
+def is_clear(world: WorldRows, shifts: Shifts, speed: FloatArray, edges: Edges | None = None) -> BoolArray:
     """Return whether vehicles are beside what is ahead in the old lane when they come to it, (k,).
 
     Args:
         world: read only.
         speed: (k,) of them, at present or as it may be [m/s].
+        edges: from `find_edges`, if they are known.
     """
-    return np.asarray(np.isinf(find_blocked(world, shifts, speed)))
+    return np.asarray(np.isinf(find_blocked(world, shifts, speed, edges)))
 
 
-def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray) -> FloatArray:
+def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray, edges: Edges | None = None) -> FloatArray:
     """Return the gaps from vehicles to the first thing in the old lane that they would touch, (k,), inf for none [m].
 
     It is the gap to the lead vehicle, or a larger one to what stands beyond it.
@@ -97,6 +104,7 @@ def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray) -> FloatAr
     Args:
         world: read only.
         speed: (k,) of them, at present or as it may be [m/s].
+        edges: from `find_edges`, if they are known.
     """
     speed = np.fmax(speed, CREEP)
     across, gap, is_tight = shifts.across, shifts.gap, shifts.is_tight
@@ -118,14 +126,13 @@ def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray) -> FloatAr
         corner = across[i] * find_way(part) + bend[i] * bend_way(part) + reach * slope / np.sqrt(1.0 + slope * slope)
         return np.asarray(corner - world.half_width[shifts.rows[i]])
 
-    seen = ((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS))).nonzero()[0]
     usual = np.full(len(across), CORRIDOR)
-    if len(seen):
-        i, edge, tail = _find_edges(world, shifts, seen)
+    i, edge, tail = find_edges(world, shifts) if edges is None else edges
+    if len(i):
         usual[i[is_tight[i]]] = -np.inf
     is_free = (side_at(slice(None), np.fmin(shifts.done + driven / way, 1.0), gap) > usual) | np.isinf(gap)
     blocked: FloatArray = np.where(is_free, np.inf, gap)
-    if len(seen):
+    if len(i):
         is_beyond = tail > gap[i] + BEYOND
         share = shifts.done[i] + np.where(is_beyond, np.fmax(tail, driven[i]), driven[i]) / way[i]
         tail = np.where(is_beyond, tail, gap[i])
@@ -134,17 +141,11 @@ def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray) -> FloatAr
     return blocked
 
 
-def _find_edges(world: WorldRows, shifts: Shifts, which: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return what is ahead of vehicles that change lanes, in their lane, (p,) each; there may be several for a vehicle.
-
-    Args:
-        world: read only.
-        which: (m,) int64, some of them.
-
-    Returns:
-        The vehicle, int64, an index into `shifts`; how far its own side must come from where it began, to pass [m]; the
-        distance from its front bumper to the tail of what is ahead, along the lane [m].
-    """
+def find_edges(world: WorldRows, shifts: Shifts) -> Edges:
+    """Return what is ahead of vehicles that look closely, for what is ahead stands, or they pull out from rest."""
+    which = ((shifts.gap < SEEN) & (shifts.is_tight | (shifts.lead_speed < STANDS))).nonzero()[0]
+    if not len(which):
+        return which, np.empty(0), np.empty(0)
     own = shifts.rows[which]
     alive = world.alive.nonzero()[0]
     worlds = world.worlds_of(own, alive)

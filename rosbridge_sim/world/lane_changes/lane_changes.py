@@ -26,7 +26,7 @@ from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH, DriverPa
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
 from rosbridge_sim.world.drivers.lane_position import rear_axles, set_legs
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_any, run_of, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_decision import BLOCKED_WAY, LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
 from rosbridge_sim.world.lane_changes.lane_change_motion import (
@@ -36,7 +36,7 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
     length_of_tight_shift,
     time_of_shift,
 )
-from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
+from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, find_edges, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import SETTLING_TIME, LaneConflicts
 from rosbridge_sim.world.state.world import Kind
@@ -78,6 +78,7 @@ class LaneChanges:
         self.roads = world.roads
         self.neighbours = world.roads.derived(LaneNeighbours)
         self.conflicts = world.roads.derived(LaneConflicts)
+        self._at: slice | IntArray = run_of(rows) if len(rows) else rows
         self.may = (world.kind[rows] != int(Kind.EGO)) & ~world.keeps_lane[rows]
         is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
         self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
@@ -87,15 +88,17 @@ class LaneChanges:
         """Return the entries of those that change lanes on the lanes that they leave; None if there are none."""
         if not self.is_possible:
             return None
-        world, rows = self.world, self.rows
-        leaving = world.leaving[rows]
-        if not np.count_nonzero(leaving):
+        world, at = self.world, self._at
+        leaves = world.leaving[at] > 0
+        if not is_any(leaves):
             return None
-        is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > self._off_old_lane
-        which = ((leaving > 0) & is_near).nonzero()[0]
+        is_near = np.abs(world.lateral[at] - world.lateral_to[at]) > self._off_old_lane
+        which = (leaves & is_near).nonzero()[0]
         if not len(which):
             return None
-        lane, s = self.neighbours.cross(leaving[which] - 1, drivers.lanes[0, which], drivers.arc[which])
+        lane, s = self.neighbours.cross(
+            world.leaving[self.rows[which]] - 1, drivers.lanes[0, which], drivers.arc[which]
+        )
         is_there = lane >= 0
         which, lane, s = which[is_there], lane[is_there], s[is_there]
         if not len(which):
@@ -115,8 +118,8 @@ class LaneChanges:
         if not self.is_possible:
             return lateral
         world, rows = self.world, self.rows
-        leaves = world.leaving[rows] > 0
-        which = (leaves | (world.change[rows] >= int(LaneChange.ROUTE))).nonzero()[0]
+        leaves = world.leaving[self._at] > 0
+        which = (leaves | (world.change[self._at] >= int(LaneChange.ROUTE))).nonzero()[0]
         if not len(which):
             return lateral
         way = np.abs(world.lateral_to[rows[which]] - world.lateral_from[rows[which]])
@@ -132,8 +135,8 @@ class LaneChanges:
         desired_speed: FloatArray,
         accel: FloatArray,
         decision: int | IntArray,
-    ) -> FloatArray:
-        """Choose who signals, begins or ends a lane change; return the accelerations (k,) that all choose then.
+    ) -> tuple[FloatArray, bool]:
+        """Choose who signals, begins or ends a lane change.
 
         Call it only where a change `is_possible`.
 
@@ -142,31 +145,36 @@ class LaneChanges:
             desired_speed: (k,) the desired speed or the safe one, whichever is lower [m/s].
             accel: (k,) that they chose without regard to lane changes [m/s^2].
             decision: number of the decision, one for all or (k,).
+
+        Returns:
+            The accelerations (k,) that all choose then, and whether anybody has begun a change.
         """
         assert perception.queue is not None
         world, rows = self.world, self.rows
         accel = accel.copy()
-        leaving = world.leaving[rows]
-        if np.count_nonzero(leaving):
+        stays, change = world.leaving[self._at] == 0, world.change[self._at]
+        if False in stays.tobytes():
             self.end_changes()
-            leaving = world.leaving[rows]
+            stays, change = world.leaving[self._at] == 0, world.change[self._at]
         if drivers.leaving is not None:
             self.mind_old_lane(drivers, perception.queue, desired_speed, accel)
         self._leave_room(drivers, perception, desired_speed, accel)
         is_part = decision % LOOK_EVERY == 0
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
         # `LOOK_EVERY`-th.
-        looks = world.change[rows] >= np.where(is_part, int(LaneChange.FASTER), int(LaneChange.ROUTE))
-        if np.count_nonzero(is_part):
+        looks = change >= int(LaneChange.ROUTE)
+        if np.any(is_part):
+            looks |= is_part & (change >= int(LaneChange.FASTER))
             is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
             looks |= is_turn & self.neighbours.has_side[drivers.lanes[0]]
-        which = (looks & self.may & (leaving == 0)).nonzero()[0]
+        which, has_begun = (looks & self.may & stays).nonzero()[0], False
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
             begins = look.decide(accel, decision)
-            if len(begins[0]):
+            has_begun = len(begins[0]) > 0
+            if has_begun:
                 self.start(drivers, *begins)
-        return accel
+        return accel, has_begun
 
     def end_changes(self) -> None:
         """End the changes of those that have arrived."""
@@ -206,17 +214,17 @@ class LaneChanges:
             is_tight=world.lateral_bend[rows] != 0.0,
             change_time=drivers.parameters.change_time[which],
         )
-        now = drivers.speed[which]
+        now, edges = drivers.speed[which], find_edges(world, shifts)
         # The faster a vehicle drives, the later it is off the old lane: before it must brake, it stops to accelerate.
         faster = now + FASTER_SOON * np.fmax(drivers.accel[which], 0.0)
-        soon = which[~is_clear(world, shifts, faster)]
+        soon = which[~is_clear(world, shifts, faster, edges)]
         accel[soon] = np.fmin(accel[soon], 0.0)
         # Those that pull out from rest do it at walking speed: their wheels are turned.
         at = (shifts.is_tight & np.isfinite(gap)).nonzero()[0]
         duration = time_of_shift(shifts.change_time[at], now[at])
         walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / duration
         accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
-        blocked = find_blocked(world, shifts, now)
+        blocked = find_blocked(world, shifts, now, edges)
         hits = (blocked < np.inf).nonzero()[0]
         at = which[hits]
         speed, is_lead = drivers.speed[at], blocked[hits] <= gap[hits]

@@ -35,7 +35,7 @@ def decide(world: World, decision: int, accel: float = 9.0) -> tuple[FloatArray,
     others, _, num_moving = followers.others(drivers)
     perception = perceive(followers.conflicts, world.signals.may_enter, drivers, others, num_moving)
     desired = np.fmin(drivers.parameters.desired_speed, perception.safe_speed)
-    chosen = followers.changes.decide(drivers, perception, desired, np.full(followers.num, accel), decision)
+    chosen, _ = followers.changes.decide(drivers, perception, desired, np.full(followers.num, accel), decision)
     return chosen, followers
 
 
