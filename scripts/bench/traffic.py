@@ -76,7 +76,7 @@ DENSITIES = (5, 10, 15, 20, 25, 30, 40, 60, 80)
 
 TOWN = (24, 100, 200, 400)
 MOTORWAY = (50, 100, 200)
-SIZES = (100, 1_000, 10_000)
+SIZES = (20, 100, 1_000, 10_000)
 
 PER_TOWN = 250
 """Vehicles in a copy of the town: busy, not jammed."""
@@ -89,6 +89,12 @@ SETTLE, SECONDS = 120.0, 480.0
 
 FASTEST = 45.0
 """More than any vehicle drives [m/s], for the length of routes: SUMO takes a vehicle out at the end of its own."""
+
+TOWN_SPEED = 15.0
+"""More than vehicles drive in the town [m/s]."""
+
+COST_SETTLE = 20.0
+"""Time before the cost of a step is measured [s]."""
 
 Table = list[list[str]]
 """Rows of cells; the first row is the head."""
@@ -242,16 +248,16 @@ def compare_steps(folder: Path) -> Table:
         case = _build(convert(roads, plan), folder, f"towns{copies}")
         demand = spread(case.network, num)
         world = ours(roads, plan, demand)
-        demand = plan_routes(world, demand, 15.0 * 80.0)
-        for _ in range(1000):  # until some stand at lights and others move
+        frames = DECISION * min(max(10, 20_000 // num), 200)
+        demand = plan_routes(world, demand, TOWN_SPEED * (COST_SETTLE + ROUNDS * frames * DT))
+        for _ in range(round(COST_SETTLE / DT)):  # until some stand at lights and others move
             step(world)
-        frames = DECISION * max(10, 20_000 // num)
         seldom = ("--default.action-step-length", f"{DECISION * DT:g}")
         took: list[float] = []
         its: list[list[float]] = [[], []]
         for flags, rates in zip(((), seldom), its, strict=True):
-            with sumo_runs.stepping(case.net, case.network, demand, settle=20.0, step=DT, flags=flags) as its_run:
-                advance, count = its_run
+            its_run = sumo_runs.stepping(case.net, case.network, demand, settle=COST_SETTLE, step=DT, flags=flags)
+            with its_run as (advance, count):
                 for _ in range(ROUNDS):
                     took.append(_time(partial(step, world), frames))
                     rates.append(count() / _time(advance, frames))
