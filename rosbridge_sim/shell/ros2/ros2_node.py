@@ -26,6 +26,7 @@ from rosbridge_sim.graph.ros2.network_check import Discovery
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic, guid_text, topic_of
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
+from rosbridge_sim.shell.ros2.inbox import BYTES_PER_TURN, LEAST_SIZE
 
 NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
@@ -36,12 +37,6 @@ NODE_BESIDE: Final = "rosbridge_sim_dds"
 SOLE: Final = b"sole=1;"
 """User data of a publisher that must be the only one of its topic, for `ros2 check`. ROS 2 skips keys that it does not
 know. Source: rmw/impl/cpp/key_value.hpp."""
-
-BYTES_PER_TURN: Final = 32 * 1024
-"""Messages that one turn of the loop takes from the graph [bytes]; the rest waits for the next one."""
-
-LEAST_SIZE: Final = 1024
-"""Bytes that a short message counts as: at most 32 of them are taken in one turn."""
 
 ENDPOINTS_PER_TURN: Final = 10
 """Changes of endpoints that one turn of the loop takes, of writers and of readers each: one costs up to 0.7 ms."""
