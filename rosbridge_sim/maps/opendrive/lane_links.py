@@ -31,6 +31,15 @@ TORN: Final = 5.0
 MAX_TOLD: Final = 5
 """Examples in a note."""
 
+MAX_CIRCLE: Final = 150.0
+"""Longest way around in a roundabout of one lane [m]."""
+
+MAX_LOOKED_AT: Final = 40
+"""Lanes that are looked at for a way back to one of them."""
+
+ROUND: Final = 0.6
+"""Least area of a roundabout, as a share of that of a circle as long; two turns and a street between have 0.2."""
+
 
 class LaneEnd(NamedTuple):
     """An end of a lane of a section."""
@@ -73,9 +82,9 @@ def find_followers(roads: Mapping[str, Road], junctions: Collection[Junction], p
             continue  # a sidewalk, or a lane without a width
         if joined != ends:
             told[_TURNED][f"road {one.road} - road {other.road}"] = None
-        leaves, enters = (pieces[_row(rows, end)].is_forward != end.is_start for end in joined)
-        if leaves == enters:
+        if not _leads_on(pieces, rows, joined):
             continue
+        leaves = _is_left_at(pieces, rows, one)
         first, last = (_row(rows, end) for end in (joined if leaves else joined[::-1]))
         if pieces[first].is_cut[1] or pieces[last].is_cut[0]:
             told[_NARROW][f"{pieces[first].name} -> {pieces[last].name}"] = None
@@ -100,7 +109,10 @@ def _row(rows: _Rows, end: LaneEnd) -> int:
 def _nearest_ends(
     roads: Mapping[str, Road], pieces: Sequence[LanePiece], rows: _Rows, ends: tuple[LaneEnd, LaneEnd]
 ) -> tuple[LaneEnd, LaneEnd]:
-    """Return the ends of a link; with the other end of one road if the ones that it names are far apart."""
+    """Return the ends of a link; with the other end of one road if no vehicle could pass where they are named.
+
+    These are far apart, or vehicles leave both lanes there, or enter both: the wrong end of a road of half a metre.
+    """
     if ends[0].road == ends[1].road:
         return ends
 
@@ -110,10 +122,20 @@ def _nearest_ends(
         return math.dist(one, other)
 
     turned = [ends, (_other_end(roads, ends[0]), ends[1]), (ends[0], _other_end(roads, ends[1]))]
-    there = [pair for pair in turned if all(rows[end[:3]] for end in pair)]
-    if ends in there and apart(ends) < TORN:
-        return ends
-    return min((pair for pair in there if apart(pair) < TORN), key=apart, default=ends)
+    there = {pair: apart(pair) for pair in turned if all(rows[end[:3]] for end in pair)}
+    named = there.get(ends, math.inf)
+    passed = [pair for pair, gap in there.items() if gap < TORN and gap <= named and _leads_on(pieces, rows, pair)]
+    return ends if ends in passed else min(passed, key=lambda pair: there[pair], default=ends)
+
+
+def _leads_on(pieces: Sequence[LanePiece], rows: _Rows, ends: tuple[LaneEnd, LaneEnd]) -> bool:
+    """Return whether vehicles leave one lane and enter the other one at two ends."""
+    return _is_left_at(pieces, rows, ends[0]) != _is_left_at(pieces, rows, ends[1])
+
+
+def _is_left_at(pieces: Sequence[LanePiece], rows: _Rows, end: LaneEnd) -> bool:
+    """Return whether vehicles leave a lane at an end, and do not enter it there."""
+    return pieces[_row(rows, end)].is_forward != end.is_start
 
 
 def _other_end(roads: Mapping[str, Road], end: LaneEnd) -> LaneEnd:
@@ -222,6 +244,38 @@ def tell(what: str, names: Sequence[str], num: int | None = None) -> str:
     """
     more = ", ..." if len(names) > MAX_TOLD else ""
     return f"{len(names) if num is None else num:,} {what}: {', '.join(names[:MAX_TOLD])}{more}"
+
+
+# Roundabouts
+
+
+def find_circles(pieces: Sequence[LanePiece], successors: Sequence[Sequence[int]]) -> set[int]:
+    """Return the lanes that lead around a roundabout, back to their own start."""
+    found: set[int] = set()
+    for start in range(len(pieces)):
+        if start in found:
+            continue
+        before, away, todo = {start: -1}, {start: 0.0}, [start]
+        for lane in todo:
+            after_it = away[lane] + pieces[lane].length
+            for after in successors[lane] if after_it < MAX_CIRCLE else ():
+                if after == start:
+                    way = [lane]
+                    while way[-1] != start:
+                        way.append(before[way[-1]])
+                    if _is_round([pieces[row] for row in way[::-1]], after_it):
+                        found.update(way)
+                elif after not in before and len(todo) < MAX_LOOKED_AT:
+                    before[after], away[after] = lane, after_it
+                    todo.append(after)
+    return found
+
+
+def _is_round(way: Sequence[LanePiece], length: float) -> bool:
+    """Return whether lanes that end where they begin enclose about a circle."""
+    corners = [piece.line[row] for piece in way for row in (0, len(piece.line) // 2)]
+    twice = sum(a[0] * b[1] - b[0] * a[1] for a, b in pairwise([*corners, corners[0]]))
+    return 2.0 * math.pi * abs(float(twice)) > ROUND * length**2
 
 
 # Side by side

@@ -135,6 +135,9 @@ class _Reading:
         left, right = find_neighbours(self._roads, pieces)
         lanes = LanesOfRoads(self._roads, pieces, successors)
         stops = lanes.find_stop_rows()
+        entries = lanes.find_circle_entries() - stops
+        if entries:
+            self._notes.append(f"{len(entries):,} lanes into roundabouts without a stop line or a sign: they give way")
         roads = Roads(
             [piece.name for piece in pieces],
             [piece.line for piece in pieces],
@@ -143,7 +146,7 @@ class _Reading:
             [piece.speed_limit for piece in pieces],
             left=left,
             right=right,
-            is_stop=[row in stops for row in range(len(pieces))],
+            is_stop=[row in stops or row in entries for row in range(len(pieces))],
             borders={row: piece.border for row, piece in enumerate(pieces)},
             banks={row: piece.bank for row, piece in enumerate(pieces) if piece.bank is not None},
         )

@@ -18,6 +18,7 @@ import numpy as np
 
 from rosbridge_sim.documents.xml_documents import Element
 from rosbridge_sim.maps.opendrive.lane_layout import NEAR_CUT, LanePiece, frame_at
+from rosbridge_sim.maps.opendrive.lane_links import find_circles
 from rosbridge_sim.maps.opendrive.road_elements import MAX_LANE_ID, Road, is_stop_line
 from rosbridge_sim.maps.road_map import Crosswalk, Sign
 from rosbridge_sim.records import Record
@@ -156,6 +157,16 @@ class LanesOfRoads:
     def find_stop_rows(self) -> set[int]:
         """Return the lanes that end at a stop line."""
         return {row for road in self.roads.values() for place in find_stops(road) for row in self._ends_at(road, place)}
+
+    def find_circle_entries(self) -> set[int]:
+        """Return the lanes that lead into a junction of a roundabout from outside: they give way, as signs would say.
+
+        Few files have the signs. Without them the rule of the right lets in those who enter, and a circle fills up.
+        """
+        circles = find_circles(self.pieces, self.successors)
+        entries = {entry for lane in circles for entry in self.predecessors[lane]} - circles
+        within = [entry for entry in entries if self.roads[self.pieces[entry].road].junction]
+        return {row for entry in within for row in self.predecessors[entry]} - circles
 
     def controlled(self, road: Road, place: StopPlace) -> Iterator[int]:
         """Yield the lanes that a light controls, by a place of it or of a reference to it."""

@@ -76,6 +76,24 @@ def test_link_to_the_far_end_of_a_road_is_taken_to_the_near_one_and_told() -> No
     assert any("wrong end of a road; the near one is taken: road 5 - road 1" in note for note in road_map.notes)
 
 
+@pytest.mark.parametrize(("contact", "is_told"), [("start", False), ("end", True)])
+def test_wrong_end_of_a_road_shorter_than_a_gap_is_turned(contact: str, *, is_told: bool) -> None:
+    """K-City's roundabouts have roads of half a metre: both ends are near, and vehicles leave both lanes at one."""
+    lanes = section([lane(0), lane(-1, link(after=-1))])
+    short = road("2", plan=geometry(x=100.0, length=0.6), length=0.6)
+    road_map = read(road("1", sections=lanes, links=joined("successor", "road", "2", contact)), short)
+    assert follows(road_map) == {"1.0.-1": ["2.0.-1"]}
+    assert any("the near one is taken: road 1 - road 2" in note for note in road_map.notes) == is_told
+
+
+def test_lanes_that_both_end_where_they_are_linked_do_not_follow() -> None:
+    """The other end of a lane is not taken for the named one where it is farther away."""
+    lanes = section([lane(0), lane(-1, link(after=1))])
+    against = road("2", plan=geometry(x=100.0, y=-3.5, length=0.6), length=0.6, sections=section([lane(1), lane(0)]))
+    road_map = read(road("1", sections=lanes, links=joined("successor", "road", "2", "start")), against)
+    assert (follows(road_map), road_map.notes[1:]) == ({}, ())
+
+
 def test_lane_that_only_the_near_end_of_the_other_road_has_is_taken_there() -> None:
     lanes = section([lane(0), lane(-1), lane(-2, link(after=-2))])
     wide, narrow = section([lane(0), lane(-1), lane(-2)]), section([lane(0), lane(-1)], 50.0)
@@ -146,3 +164,42 @@ def test_lanes_are_cut_where_a_change_becomes_forbidden() -> None:
 def test_parking_lane_and_oncoming_lane_are_no_neighbours() -> None:
     roads = read(road(sections=section([lane(1), lane(0), lane(-1), lane(-2, kind="parking")]))).roads
     assert roads.left.tolist() == roads.right.tolist() == [-1, -1, -1]
+
+
+# Roundabouts
+
+
+def loop(radius: float, straight: float) -> list[str]:
+    """Two half circles, with or without streets between, a road towards one of them, and its entry."""
+    turn, width = math.pi * radius, 2.0 * radius
+    length, lanes = turn + straight, section([lane(0), lane(-1, link(-1, -1))])
+    arc = f'<arc curvature="{1.0 / radius}"/>'
+    plans = [
+        geometry(length=straight, x=x, y=y, hdg=hdg) + geometry(arc, turn, straight, x=end, y=y, hdg=hdg)
+        if straight
+        else geometry(arc, turn, x=x, y=y, hdg=hdg)
+        for x, y, hdg, end in ((0.0, 0.0, 0.0, straight), (straight, width, math.pi, 0.0))
+    ]
+    ahead = joined("predecessor", "road", "1", "end") + joined("successor", "road", "7")
+    entry = geometry(length=30.0, x=straight + 30.0, y=width, hdg=math.pi)
+    return [
+        road("6", plans[0], lanes, length, links=joined("successor", "road", "7")),
+        road("7", plans[1], lanes, length, links=joined("successor", "road", "6")),
+        road("1", plan=geometry(x=straight + 130.0, y=width, hdg=math.pi), links=joined("successor", "junction", "9")),
+        road("5", entry, lanes, 30.0, junction="9", links=ahead),
+        junction(connection("1", "5", {-1: -1})),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("radius", "straight", "gives_way"),
+    [(10.0, 0.0, True), (20.0, 0.0, True), (30.0, 0.0, False), (3.0, 40.0, False)],
+    ids=["circle", "larger circle", "ring road", "two turns and a street"],
+)
+def test_those_who_enter_a_roundabout_give_way(radius: float, straight: float, *, gives_way: bool) -> None:
+    road_map = read(*loop(radius, straight))
+    assert follows(road_map) == {"1.0.-1": ["5.0.-1"], "5.0.-1": ["7.0.-1"], "6.0.-1": ["7.0.-1"], "7.0.-1": ["6.0.-1"]}
+    roads = road_map.roads
+    stops = [name for name, is_stop in zip(roads.ids, roads.is_stop, strict=True) if is_stop]
+    assert stops == (["1.0.-1"] if gives_way else [])
+    assert any("1 lanes into roundabouts without a stop line" in note for note in road_map.notes) == gives_way
