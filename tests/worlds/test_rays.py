@@ -108,8 +108,10 @@ def straight(*egos: dict[str, float], roads: Roads | None = None) -> DrivableWor
 CENTRE = float(Body().length / 2 - Body().rear_overhang)
 
 
-def test_rays_meet_both_edges_of_a_road_and_the_lines_across_its_ends() -> None:
-    worlds = straight({"x": 10.0 - CENTRE}, {"x": 990.0 - CENTRE, "y": 0.5}, {"x": 500.0})
+@pytest.mark.parametrize("corners", [((0, 0), (1000, 0)), ((0, 0), (300, 0), (700, 0), (1000, 0))])
+def test_rays_meet_both_edges_of_a_road_and_the_lines_across_its_ends(corners: tuple[tuple[float, float], ...]) -> None:
+    roads = make(a=(line(*corners), ""))
+    worlds = straight({"x": 10.0 - CENTRE}, {"x": 990.0 - CENTRE, "y": 0.5}, {"x": 500.0}, roads=roads)
     first, second, middle = (worlds.rays(8, 70.0)[i, 0, :, 0] for i in range(3))
     slanted = 1.75 * np.sqrt(2.0)
     assert first.tolist() == pytest.approx([70.0, slanted, 1.75, slanted, 10.0, slanted, 1.75, slanted])
