@@ -254,6 +254,30 @@ def test_words_about_a_room_are_within_its_box(picture: Picture) -> None:
         assert all(len(line) * LETTER < float(width) for _, line in lines)
 
 
+@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
+def test_each_arrow_leads_from_a_room_down_to_another(picture: Picture) -> None:
+    drawing = draw_rooms(ROOT / "rosbridge_sim", picture)
+    places = [(at[0], at[0] + size[0], at[1], at[1] + size[1]) for at, size, _ in picture.rooms.values()]
+    arrows = re.findall(r'd="M(\S+),(\S+) Q\S+ (\S+),(\S+)"', drawing)
+    assert arrows
+    for x1, y1, x2, y2 in (map(float, arrow) for arrow in arrows):
+        assert any(left < x1 < right and bottom == y1 for left, right, _, bottom in places)
+        assert any(left < x2 < right and top == y2 for left, right, top, _ in places)
+        assert y2 > y1
+
+
+@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
+def test_words_in_a_box_name_all_rooms_that_it_imports(picture: Picture) -> None:
+    arrows = read_arrows(ROOT / "rosbridge_sim", picture)
+    drawing = draw_rooms(ROOT / "rosbridge_sim", picture)
+    boxes = re.findall(r"<rect .*/>\n((?:<text.*\n?)+)", drawing)
+    for room, texts in zip(picture.rooms, boxes, strict=True):
+        words = " ".join(re.findall(r">([^<]+)</text>", texts)).partition("imports: ")[2]
+        if not words.startswith("all rooms below"):
+            named = set(words.replace("files beside the rooms", ".").split(", ")) - {"no other room"}
+            assert named == {target for source, target in arrows if source == room}
+
+
 def test_pictures_show_all_rooms() -> None:
     folders = {path.parent.name for path in (ROOT / "rosbridge_sim").glob("*/__init__.py")}
     assert PACKAGE_ROOMS.rooms.keys() == folders

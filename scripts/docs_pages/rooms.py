@@ -61,7 +61,7 @@ PACKAGE_ROOMS: Final = Picture(
         "world": ((470, 1212), (590, 96), "motion, lanes, lights, traffic: numpy"),
     },
     (1100, 1340),
-    "Rooms of the package; an arrow leads from a room to a room that it imports",
+    "Rooms of the package; an arrow leads from a room to a room below that it imports, and its words name all",
     floor=690.0,
 )
 
@@ -78,15 +78,15 @@ SIMULATOR_ROOMS: Final = Picture(
         "sensor_rigs": ((40, 390), (290, 80), "what is mounted on egos"),
         "story": ((670, 390), (290, 80), "stories of OpenSCENARIO"),
         "sensors": ((40, 510), (290, 80), "GPS, IMU, cameras, lidars, radars"),
-        "sensor_data": ((350, 510), (300, 80), "points, boxes, files of sensors"),
-        "kernel": ((40, 630), (920, 80), "context, hooks, egos, the steps of frames"),
+        "sensor_data": ((40, 630), (180, 80), "points, boxes, files"),
+        "kernel": ((240, 630), (720, 80), "context, hooks, egos, the steps of frames"),
         "scene": ((40, 750), (600, 80), "population of the world, and its map"),
         "sync": ((670, 750), (290, 80), "synchronous mode, barrier"),
         "bus": ((40, 870), (450, 80), "publishers, subscribers, services, names, rates"),
         "plain": ((510, 870), (450, 80), "values as plain data and bytes"),
     },
     (1000, 980),
-    "Rooms of the simulator; an arrow leads from a room to a room that it imports",
+    "Rooms of the simulator; an arrow leads from a room to a room below that it imports, and its words name all",
 )
 
 SHELL_ROOMS: Final = Picture(
@@ -101,7 +101,7 @@ SHELL_ROOMS: Final = Picture(
         "websocket": ((40, 270), (330, 80), "the server, and the connections of its clients"),
         "rendering": ((390, 270), (200, 80), "OpenGL, Embree, JPEG"),
         "files": ((610, 270), (300, 80), "files of the user and of clients"),
-        "mocking": ((930, 270), (150, 80), "mocks, faults"),
+        "mocking": ((930, 250), (150, 100), "mocks, faults"),
         "transport": ((40, 390), (155, 80), "bytes of a socket"),
         "page": ((215, 390), (155, 80), "files of the page"),
         "kernels": ((390, 390), (200, 80), "compiles loops in C"),
@@ -109,7 +109,7 @@ SHELL_ROOMS: Final = Picture(
         "clocks": ((930, 390), (150, 80), "time of day, timers"),
     },
     (1120, 500),
-    "Rooms of the shell; an arrow leads from a room to a room that it imports",
+    "Rooms of the shell; an arrow leads from a room to a room below that it imports, and its words name all",
 )
 
 WORLD_ROOMS: Final = Picture(
@@ -129,7 +129,7 @@ WORLD_ROOMS: Final = Picture(
         "geometry": ((40, 950), (930, 80), "angles, polylines, grids, near pairs"),
     },
     (1010, 1060),
-    "Rooms of the world; an arrow leads from a room to a room that it imports",
+    "Rooms of the world; an arrow leads from a room to a room below that it imports, and its words name all",
 )
 
 
@@ -178,7 +178,10 @@ def _imports(path: Path) -> list[str]:
 
 
 def draw_rooms(root: Path, picture: Picture = PACKAGE_ROOMS) -> str:
-    """Return the rooms and their arrows as SVG; arrows that follow from two others are left out.
+    """Return the rooms and their arrows as SVG.
+
+    Arrows that follow from two others are left out, and those to a room that is not straight below: the words in the
+    box name all rooms that it imports.
 
     Args:
         root: folder of the package.
@@ -187,9 +190,10 @@ def draw_rooms(root: Path, picture: Picture = PACKAGE_ROOMS) -> str:
     arrows = read_arrows(root, picture)
     order = list(picture.rooms)
     parts = [
-        arrow(*_ends(picture, first, second))
+        arrow(*ends)
         for first, second in sorted(arrows, key=lambda pair: (order.index(pair[0]), order.index(pair[1])))
         if not any((first, other) in arrows and (other, second) in arrows for other in order)
+        if (ends := _ends(picture, first, second))
     ]
     width, height = picture.size
     if picture.floor:
@@ -212,11 +216,11 @@ def _imports_in_words(picture: Picture, name: str, arrows: set[tuple[str, str]])
     """Return lines with the rooms that a room imports; a longer list than a line has those that it does not import."""
     (_, y), (width, height), _ = picture.rooms[name]
     below = [other for other, (at, _, _) in picture.rooms.items() if at[1] >= y + height]
-    imported = [other for other in below if (name, other) in arrows]
+    imported = [other for other in picture.rooms if (name, other) in arrows]
     missing = [other for other in below if other not in imported]
     most = int(width / LETTER) - 2
     words = f"imports: {_listed(imported) or 'no other room'}"
-    if len(words) > most and 3 * len(missing) < len(imported):
+    if len(words) > most and 3 * len(missing) < len(imported) and set(imported) <= set(below):
         words = "imports: all rooms below" + (f" but {_listed(missing)}" if missing else "")
     num = len(wrap(words, most))
     return next(lines for size in range(len(words) // num, most + 1) if len(lines := wrap(words, size)) == num)
@@ -232,9 +236,14 @@ LETTER: Final = 6.0
 """Mean width of a letter of the small font [px]."""
 
 
-def _ends(picture: Picture, first: str, second: str) -> tuple[Point, Point]:
-    """Return where the arrow between two rooms starts and ends: straight down, in the middle of what both share."""
+def _ends(picture: Picture, first: str, second: str) -> tuple[Point, Point] | None:
+    """Return where the arrow between two rooms starts and ends: straight down, in the middle of what both share.
+
+    None if they share no column, or the second one is above.
+    """
     (x1, y1), (width1, height1), _ = picture.rooms[first]
     (x2, y2), (width2, _), _ = picture.rooms[second]
-    x = (max(x1, x2) + min(x1 + width1, x2 + width2)) / 2
-    return (x, y1 + height1), (x, y2)
+    left, right = max(x1, x2), min(x1 + width1, x2 + width2)
+    if left >= right or y2 < y1 + height1:
+        return None
+    return ((left + right) / 2, y1 + height1), ((left + right) / 2, y2)
