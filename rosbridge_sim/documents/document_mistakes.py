@@ -154,10 +154,13 @@ _TAGS: Final = {
     tuple: "\0a list",
     dict: "\0an object",
     str: "\0a text",
-    int: "\0a text",
-    float: "\0a text",
+    int: "\0a number",
+    float: "\0a number",
 }
 """Types of JSON values -> tags of a union's members, which stand in the places of pydantic's mistakes."""
+
+_NEAREST: Final = {_TAGS[str]: _TAGS[float], _TAGS[float]: _TAGS[str]}
+"""A text is read by the member for numbers where a union has none for texts, and the other way round."""
 
 
 def _choice_of(members: list[Any]) -> Any:  # noqa: ANN401 - type forms
@@ -168,12 +171,13 @@ def _choice_of(members: list[Any]) -> Any:  # noqa: ANN401 - type forms
     tags = [_TAGS.get(get_origin(base) or base, _TAGS[dict]) for base in bases]
     tagged = tuple(_annotate[_type_of(each), Tag(tag)] for each, tag in zip(members, tags, strict=True))
     words = f"expected {' or '.join(tag[1:] for tag in tags)}"
-    chosen = Discriminator(_tag_of, custom_error_type="spelling", custom_error_message=words)
+
+    def tag_of(value: object) -> str | None:
+        tag = _TAGS.get(type(value))
+        return tag if tag is None or tag in tags else _NEAREST.get(tag, tag)
+
+    chosen = Discriminator(tag_of, custom_error_type="spelling", custom_error_message=words)
     return _annotate[_union[tagged], chosen]
-
-
-def _tag_of(value: object) -> str | None:
-    return _TAGS.get(type(value))
 
 
 def _worded(function: Callable[[Any], T]) -> Callable[[Any], T]:

@@ -12,12 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.campaigns import campaign_model
+from rosbridge_sim.contracts.contract import CONTRACT
 from rosbridge_sim.documents.document_mistakes import MAX_WRONG_OBJECTS, judge_document
 from rosbridge_sim.documents.document_model import Document, DocumentType, Place, Table, fields_of, split_marks
 from rosbridge_sim.documents.document_reading import _document_reader, find_mistakes
-from rosbridge_sim.maps import mgeo, mgeo_lights, mgeo_links, mgeo_markings
+from rosbridge_sim.maps import mgeo, mgeo_lights, mgeo_links, mgeo_markings, signal_plan_file
+from rosbridge_sim.mock import mock_model
 from rosbridge_sim.scenarios import scenario_model
 from rosbridge_sim.shell.files import catalogue_file
+from rosbridge_sim.simulator.bus import morai_network
 from rosbridge_sim.simulator.sensor_rigs import morai_sensor_file, sensor_presets
 from rosbridge_sim.simulator.sensors import sensor_noise
 from tests.support import ROOT
@@ -70,10 +73,26 @@ def documents() -> list[tuple[DocumentType[Any], Any]]:
         "search": {"budget": 10},
         "output": {"keep": "all"},
     }
+    topics = {"/speed": {"type": "std_msgs/Float64", "rate": 10, "fields": {"data": {"min": 0, "max": 9.5}}}}
+    contract = {"topics": topics, "services": {"/enable": "std_srvs/SetBool"}}
+    mock = {
+        "topics": {"/speed": {"type": "std_msgs/Float64", "rate": 10, "value": {"data": 1.5}}},
+        "subscribers": {"/cmd_vel": "geometry_msgs/Twist"},
+        "services": {"/enable": {"type": "std_srvs/SetBool", "answers": [{"when": {"data": True}, "delay": 0.5}]}},
+        "actions": {"/dock": {"type": "example_interfaces/Fibonacci", "goals": [{"outcome": "aborted"}]}},
+        "transforms": [{"parent": "map", "child": "base", "x": 1}],
+        "faults": {"lost": {"kind": "drop", "clients": [1, "127.0.0.*"], "topics": ["/speed"], "end": 5}},
+    }
+    plan = {"junctions": {"1": {"phases": [{"green": ["a"], "seconds": 20}], "yellow": 3}}}
+    network = {"egoNetworkData": [{"UNIQUEID": "1", "listEgoNetworkInfo": [{"PUBSUB_TYPE": 2, "config": {}}]}]}
     row = {"DataID": "1 2", "name": "Sonata", "class": "car", "length": "4.9", "width": 1.8, "height": 1.4, "mass": 9}
     return [
         (campaign_model._DOCUMENT, campaign),
+        (CONTRACT, contract),
         (catalogue_file._ROW, row),
+        (mock_model._DOCUMENT, mock),
+        (morai_network._FILE, network),
+        (signal_plan_file._PLAN, plan),
         *((scenario_model._DOCUMENT, scene) for scene in scenes),
         document(mgeo._GLOBAL_INFO, "global_info.json"),
         document(mgeo_links._NODES, "node_set.json"),
