@@ -79,8 +79,8 @@ def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
     if not is_any(is_far) or not is_any(value[is_far] != math.pi):  # pi itself is due west
         return np.asarray(value + 0.0)  # the usual case, in a fifth of the time; the sum below has no -0.0 either
     wrapped = value - FULL_TURN * np.ceil((value - math.pi) / FULL_TURN)
-    # A value next to the bound may be rounded beyond it by one last place: both mean pi.
-    return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
+    # A value next to the bound may be rounded beyond it by one last place: both mean pi. One just inside would be, too.
+    return np.where(is_far, np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped), value + 0.0)
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:

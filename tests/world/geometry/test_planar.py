@@ -48,6 +48,13 @@ def test_minus_pi_and_its_neighbours_are_wrapped_into_range() -> None:
     assert wrapped[0] == math.pi == wrapped[1]
 
 
+@pytest.mark.parametrize("others", [[], [0.1], [4.0], [-math.pi, 9.0]])
+def test_angle_just_inside_keeps_its_bits_beside_any_others(others: list[float]) -> None:
+    """Else one vehicle of a world would change the yaw of another one."""
+    inside = math.nextafter(-math.pi, 0.0)
+    assert wrap_angle([inside, *others])[0] == inside
+
+
 def test_arc_lengths_count_from_zero_in_the_plane_and_in_space() -> None:
     assert arc_lengths(CORNER).tolist() == [0.0, 10.0, 20.0]
     assert arc_lengths(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 4.0]])).tolist() == [0.0, 5.0]
