@@ -250,7 +250,7 @@ _CONSTANTS: Final = {
     lane_change_passing: "STANDS",
     lane_changes: "LOOK_EVERY LOOK_PARTS SPARE_ROOM SLOW",
     people: "LOOK_AHEAD KERB_GAP AT_KERB BRAKE COMMITTED",
-    paths: "KEYS_PER_METRE",
+    paths: "KEYS_PER_METRE MAX_KEY",
     roads: "LEVEL",
     time_to_collision: "HORIZON",
     scoring: "BACK_INSIDE SIDEWAYS",

@@ -6,9 +6,10 @@ static D path_ahead(const W *p, I i, D arc, D distance) {
   return p->is_loop[i] ? fmod(there, p->path_length[i]) : least(there, p->path_length[i]);
 }
 
-/* Paths.find; of a place that is no number the last leg, as numpy finds it. */
+/* Paths.find; of a place that is no number, or beyond all keys, the last leg, as numpy finds it. */
 static const D *find_leg(const W *p, I i, D arc) {
-  I key = p->base[i] + (I)(arc * KEYS_PER_METRE), from = 0, num = p->num_keys;
+  D place = arc * KEYS_PER_METRE;
+  I key = fabs(place) < MAX_KEY ? p->base[i] + (I)place : -1, from = 0, num = p->num_keys;
   while (num > 0) {
     I half = num / 2;
     if (p->keys[from + half] <= key) { from += half + 1; num -= half + 1; } else num = half;

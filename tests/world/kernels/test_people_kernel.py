@@ -78,11 +78,12 @@ def test_people_of_many_worlds_have_the_bits_of_arrays() -> None:
         assert one.digests() == other.digests()
 
 
-def test_place_that_is_no_number_is_on_the_last_leg() -> None:
+@pytest.mark.parametrize("place", [np.nan, -1e15])
+def test_place_that_has_no_key_is_on_the_last_leg(place: float) -> None:
     world = crowd(0)
     people = world.derived(People)
     _, goal, _ = people.find_places()
-    world.leg_start[people.rows[::2]] = np.nan
+    world.leg_start[people.rows[::2]] = place
     people.take_kernel(make_people_kernel())
     assert people.kernel is not None
     arc, found, _ = people.kernel.find_places()
