@@ -3,7 +3,7 @@
 /* _People._ahead */
 static D path_ahead(const W *p, I i, D arc, D distance) {
   D there = arc + distance;
-  return p->is_loop[i] ? fmod(there, p->path_length[i]) : least(there, p->path_length[i]);
+  return p->is_loop[i] ? fmod(there, p->path_length[i]) : least(p->path_length[i], there); /* as by fmin */
 }
 
 /* Paths.find; of a place that is no number, or beyond all keys, the last leg, as numpy finds it. */
@@ -17,11 +17,11 @@ static const D *find_leg(const W *p, I i, D arc) {
   return p->segments + LEG_COLUMNS * ((from ? from : p->num_keys) - 1);
 }
 
-/* _People._feet: the foot of person i on a leg; returns whether it is at the end. */
+/* _People._feet: the foot of person i on a leg; returns whether it is at the end. No number is the begin, as by fmax. */
 static int find_foot(const W *p, I i, const D *leg, D *foot, D *away) {
   I r = p->rows[i];
   D length = leg[LEG_END] - leg[LEG_START], east = p->x[r] - leg[LEG_X], north = p->y[r] - leg[LEG_Y];
-  D along = east * leg[LEG_DX] + north * leg[LEG_DY], on = least(most(along, 0.0), length);
+  D along = east * leg[LEG_DX] + north * leg[LEG_DY], on = least(length, most(0.0, along));
   *foot = leg[LEG_START] + on, *away = hypot(east - on * leg[LEG_DX], north - on * leg[LEG_DY]);
   return along >= length;
 }
