@@ -21,6 +21,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import FREE, SignalsSnapshot
 from rosbridge_sim.world.roads.turn_shares import TurnShares
+from rosbridge_sim.world.state.control_columns import BODY_COLUMNS
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NUM_CORE
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
@@ -32,7 +33,7 @@ from rosbridge_sim.world.state.entity_types import (
     Kind,
     Mode,
 )
-from rosbridge_sim.world.state.labels import label_of
+from rosbridge_sim.world.state.labels import BOX_COLUMNS, labels_and_boxes
 from rosbridge_sim.world.state.world import MAX_UID, Snapshot
 
 Plain = dict[str, Any]  # values of the kinds that `to_plain` writes
@@ -168,7 +169,7 @@ class _Reader:
         _check_divisors(floats[:, bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)])
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
-        self._check_labels(names, bodies, ints, bools)
+        self._check_labels(names, bodies, floats, ints, bools)
         # Scores: only while they are kept, and only those that this program has written.
         is_scoring = self._int("is_scoring", 0, 1) == 1
         if not is_scoring:
@@ -240,15 +241,23 @@ class _Reader:
         self,
         names: tuple[str, ...],
         bodies: tuple[Body, ...],
+        floats: FloatArray,
         ints: IntArray,
         bools: Any,  # noqa: ANN401 - of bools
     ) -> None:
-        """Check that the labels stand for names and bodies: of these a digest of the world has the labels alone."""
-        alive = bools[BOOLS.index("alive")].tolist()
-        labels = ints[INTS.index("label")].tolist()
-        for is_alive, name, body, label in zip(alive, names, bodies, labels, strict=True):
-            is_good = label == label_of(name, body) if is_alive else (name, body) == ("", NO_BODY)
-            _expect(is_good, "bodies", "names and bodies with the labels of their rows")
+        """Check labels, of which alone a digest knows names and bodies, and the columns that follow from bodies."""
+        alive = bools[BOOLS.index("alive")]
+        rows, free = alive.nonzero()[0], (~alive).nonzero()[0].tolist()
+        labels, boxes = labels_and_boxes([names[i] for i in rows.tolist()], [bodies[i] for i in rows.tolist()])
+        is_good = bool((ints[INTS.index("label"), rows] == labels).all())
+        is_good = is_good and all((names[i], bodies[i]) == ("", NO_BODY) for i in free)
+        _expect(is_good, "bodies", "names and bodies with the labels of their rows")
+        for name, values in zip(BOX_COLUMNS, boxes, strict=True):
+            _expect(bool((floats[FLOATS.index(name), rows] == values).all()), f"floats.{name}", "boxes of bodies")
+        egos = (alive & (ints[INTS.index("kind")] == Kind.EGO)).nonzero()[0].tolist()
+        for name, figure in BODY_COLUMNS.items():
+            values = [getattr(bodies[i], figure) for i in egos]
+            _expect(floats[FLOATS.index(name), egos].tolist() == values, f"floats.{name}", "figures of egos' bodies")
 
     def _check_floats(self, floats: FloatArray) -> None:
         _expect(not bool(np.isnan(floats).any()), "floats", "numbers")
@@ -263,6 +272,7 @@ class _Reader:
         for name in LANE_CHANGE_COLUMNS:
             is_near = np.abs(floats[FLOATS.index(name)]) <= MAX_OFFSET
             _expect(bool(is_near.all()), f"floats.{name}", f"figures within +-{MAX_OFFSET:g}")
+        _expect(not bool((floats[FLOATS.index("desired_speed")] < 0.0).any()), "floats.desired_speed", "speeds >= 0")
         width = floats[FLOATS.index("wander_width")]
         _expect(bool(((width >= 0.0) & (width <= MAX_WANDER)).all()), "floats.wander_width", f"0..{MAX_WANDER:g} m")
         left = floats[FLOATS.index("lateral_left")]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import FLOATS, INTS
-from rosbridge_sim.world.state.world import World
-from tests.world.road_factory import car, road
+from rosbridge_sim.world.state.world import Kind, World
+from tests.world.road_factory import CAR, car, road
 
 
 def test_point_of_a_lane_follower_is_before_another_one() -> None:
@@ -31,4 +33,37 @@ def test_leg_of_a_lane_follower_ends_on_its_lane() -> None:
     data = to_plain(world.snapshot())
     data["floats"][FLOATS.index("leg_end"), 0] = -1.0
     with pytest.raises(ValueError, match=r"floats\.leg_end"):
+        from_plain(data, world.roads, world.signals.plan)
+
+
+BOX, DRIVER, EGO = range(3)
+"""Rows of `some_world`."""
+
+
+def some_world() -> World:
+    """A box, a driver on a lane and an ego."""
+    world = World(0)
+    world.lay_roads(road())
+    world.spawn(Kind.OBSTACLE, CAR, name="box", x=0.0, y=30.0)
+    car(world, world.roads.ids[0], 1.0, speed=3.0)
+    world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=60.0)
+    return world
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "figure"),
+    [
+        *[("half_length", row, -2.0) for row in (BOX, DRIVER, EGO)],
+        *[("half_width", BOX, 1e12), ("height", BOX, 0.0), ("centre", DRIVER, 1e6)],
+        *[("drag", EGO, -1e4), ("grip", EGO, 1e-300), ("top_speed", EGO, 1e15), ("wheelbase", EGO, 1e-300)],
+        ("desired_speed", DRIVER, -math.inf),
+    ],
+)
+def test_columns_that_follow_from_others_are_theirs(column: str, row: int, figure: float) -> None:
+    """Else a step might divide by zero, or drive an ego to no number."""
+    world = some_world()
+    data = to_plain(world.snapshot())
+    from_plain(data, world.roads, world.signals.plan)
+    data["floats"][FLOATS.index(column), row] = figure
+    with pytest.raises(ValueError, match=rf"floats\.{column}"):
         from_plain(data, world.roads, world.signals.plan)

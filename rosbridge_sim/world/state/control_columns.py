@@ -30,7 +30,7 @@ _JERK_LIMITS: Final = {Mode.PEDALS: 0.0, Mode.SPEED: JERK_LIMIT, Mode.ACCEL: mat
 _GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
 
 
-_BODY_COLUMNS: Final = {
+BODY_COLUMNS: Final = {
     "wheelbase": "wheelbase",
     "steer_rate": "max_steer_rate",
     "max_steer": "max_steer",
@@ -59,7 +59,7 @@ def fill_body_columns(arrays: EntityArrays, row: int, body: Body) -> None:
         arrays: written in place.
         row: row of an EGO.
     """
-    for column, name in _BODY_COLUMNS.items():
+    for column, name in BODY_COLUMNS.items():
         getattr(arrays, column)[row] = getattr(body, name)
 
 

@@ -60,6 +60,10 @@ def in_space(path: FloatArray, z: float) -> FloatArray:
     return points
 
 
+BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
+"""Columns of a row that `box_of` gives."""
+
+
 def box_of(body: Body) -> tuple[float, float, float, float]:
     """Return half length, half width, height and centre of a body's box; see `Body` [m]."""
     return body.length / 2, body.width / 2, body.height, body.centre

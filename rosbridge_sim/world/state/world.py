@@ -93,8 +93,6 @@ _KEPT: Final = (
 )
 """Attributes that a snapshot has as they are."""
 
-_BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
-
 
 class World(EntityRows):
     """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
@@ -215,7 +213,7 @@ class World(EntityRows):
         self.alive[row], self.uid[row], self.kind[row] = True, uid, kind
         self.label[row] = labels.label_of(name, body)
         self.gear[row], self.mode[row] = gear, Mode.PEDALS
-        for column, value in zip(_BOX_COLUMNS, labels.box_of(body), strict=True):
+        for column, value in zip(labels.BOX_COLUMNS, labels.box_of(body), strict=True):
             getattr(self, column)[row] = value
         is_waiting = start_within > 0.0 and speed != 0.0
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=0.0 if is_waiting else speed)
@@ -269,7 +267,7 @@ class World(EntityRows):
             self.alive[rows], self.uid[rows], self.kind[rows] = True, uids, kind
             self.label[rows], boxes = labels.labels_and_boxes(names, bodies)
             self.gear[rows], self.mode[rows] = Gear.DRIVE, Mode.PEDALS
-            for column, values in zip(_BOX_COLUMNS, boxes, strict=True):
+            for column, values in zip(labels.BOX_COLUMNS, boxes, strict=True):
                 getattr(self, column)[rows] = values
             if speed is not None:
                 zero = np.zeros(num)
