@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 FloatArray = npt.NDArray[np.float64]
 Lanes = dict[str, FloatArray]
-"""What `DrivableWorlds.lanes` returns."""
+"""Figures of lanes by name; see `DrivableWorlds.lanes`."""
 
 Seen = Any
 """An array, or a dict of arrays."""

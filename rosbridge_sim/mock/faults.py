@@ -65,7 +65,7 @@ NO_EFFECT: Final = FaultEffect()
 
 
 class FaultyClient(Record):
-    """What faults tell clients by.
+    """A client, as the patterns of a fault name it.
 
     Attributes:
         number: in the order of connecting, from 1.

@@ -40,6 +40,7 @@ from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collisi
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among, run_of
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, settle
+from rosbridge_sim.world.state.loop_maker import LoopMaker
 from rosbridge_sim.world.state.world import DT, MAX_UID, Kind
 from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.world.vehicle.ground import are_on_road
@@ -140,18 +141,8 @@ class Loops(Protocol):
         """
 
 
-class _Backend:
-    """The maker of the loops that judge the egos of all worlds; None while arrays do."""
-
-    make: Callable[[WorldRows], Loops] | None = None
-
-
-BACKEND: Final = _Backend()
-
-
-def take_loops(make: Callable[[WorldRows], Loops] | None) -> None:
-    """Have loops judge the egos of all worlds from the next step on; None for arrays."""
-    BACKEND.make = make
+SCORE_LOOPS: Final = LoopMaker[Callable[[WorldRows], Loops]]()
+"""The loops that judge egos, from the next step on."""
 
 
 def remember(world: WorldRows) -> Before:
@@ -169,7 +160,7 @@ def judge(world: WorldRows, before: Before) -> None:
     rows = world.rows(Kind.EGO)
     if not len(rows):
         return
-    if BACKEND.make is not None and len(world.roads) and world.derived(BACKEND.make).judge(before):
+    if SCORE_LOOPS.make is not None and len(world.roads) and world.derived(SCORE_LOOPS.make).judge(before):
         return
     at = run_of(rows)
     poses = world.derived(CollisionDetector).poses[:, :, at]

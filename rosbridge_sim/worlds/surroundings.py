@@ -11,7 +11,7 @@ from rosbridge_sim.world.drivers.lane_position import find_ahead
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.scoring import BACKEND, LANES_AHEAD
+from rosbridge_sim.world.scoring import LANES_AHEAD, SCORE_LOOPS
 from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
 
@@ -93,8 +93,8 @@ def find_lanes(part: Part, ahead: FloatArray) -> tuple[dict[str, npt.NDArray[np.
     """
     columns, rows = part.columns, part.rows
     roads = columns.roads.alone
-    if BACKEND.make is not None and len(roads):
-        looked = columns.derived(BACKEND.make).look(rows, ahead, roads.derived(_straight_on))
+    if SCORE_LOOPS.make is not None and len(roads):
+        looked = columns.derived(SCORE_LOOPS.make).look(rows, ahead, roads.derived(_straight_on))
         if looked is not None:
             return looked
     x, y, yaw, z = columns.x[rows], columns.y[rows], columns.yaw[rows], columns.z[rows]

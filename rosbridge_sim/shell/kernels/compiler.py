@@ -26,15 +26,15 @@ from typing import Any, Final, cast
 
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.version import __version__
-from rosbridge_sim.world.contacts.collisions import take_pair_loops
-from rosbridge_sim.world.followers.lane_following import take_kernels
+from rosbridge_sim.world.contacts.collisions import PAIR_LOOPS
+from rosbridge_sim.world.followers.lane_following import LANE_LOOPS
 from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel, measures_alike
-from rosbridge_sim.world.people.people import take_people_loops
-from rosbridge_sim.world.scoring import take_loops
+from rosbridge_sim.world.people.people import PEOPLE_LOOPS
+from rosbridge_sim.world.scoring import SCORE_LOOPS
 
 _OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
 """No fused multiply-add: it rounds once, where numpy rounds twice."""
@@ -175,8 +175,8 @@ def load_library(path: Path) -> CompiledLoops:
 def take_library(path: Path) -> None:
     """Load a compiled library, and have all worlds take its loops; see `load_library`."""
     library = load_library(path)
-    take_kernels(partial(LaneKernel, library))
-    take_pair_loops(partial(PairKernel, library))
-    take_people_loops(partial(PeopleKernel, library))
+    LANE_LOOPS.make = partial(LaneKernel, library)
+    PAIR_LOOPS.make = partial(PairKernel, library)
+    PEOPLE_LOOPS.make = partial(PeopleKernel, library)
     if measures_alike(library):
-        take_loops(partial(ScoreKernel, library))
+        SCORE_LOOPS.make = partial(ScoreKernel, library)

@@ -1,4 +1,4 @@
-"""What conditions and actions of a story may read and change."""
+"""All that conditions and actions of a story may read and change."""
 
 from __future__ import annotations
 

@@ -48,6 +48,7 @@ from rosbridge_sim.world.geometry.planar import (
     ranges,
     wrap_angle,
 )
+from rosbridge_sim.world.state.loop_maker import LoopMaker
 from rosbridge_sim.world.state.world import NO_CONTACTS, Kind, World
 from rosbridge_sim.world.state.world_rows import WorldRows
 
@@ -132,18 +133,8 @@ class MakeLoops(Protocol):
         """Return the loops for the rows in use, in order of their ids."""
 
 
-class _Backend:
-    """The maker of the loops of all worlds; None while arrays watch."""
-
-    make: MakeLoops | None = None
-
-
-_BACKEND: Final = _Backend()
-
-
-def take_pair_loops(make: MakeLoops | None) -> None:
-    """Have loops watch the pairs of all worlds from their next lists on; None for arrays."""
-    _BACKEND.make = make
+PAIR_LOOPS: Final = LoopMaker[MakeLoops]()
+"""The loops that watch pairs, from the next list of each world on."""
 
 
 class CollisionDetector:
@@ -221,8 +212,8 @@ class CollisionDetector:
 
     def find(self) -> IntArray:
         """Return the contacts between the stored poses and now, (m, 2) int64, ids, the lower first, in rising order."""
-        if self._life <= 0 and _BACKEND.make is not self._maker:
-            self._take_loops(_BACKEND.make)
+        if self._life <= 0 and PAIR_LOOPS.make is not self._maker:
+            self._take_loops(PAIR_LOOPS.make)
         may_touch = self._watch() if self._loops is None else self._watch_by_loops(self._loops)
         self._life -= 1
         return self._judge() if may_touch else NO_CONTACTS

@@ -50,6 +50,7 @@ from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.state.loop_maker import LoopMaker
 from rosbridge_sim.world.state.world import DT, Dynamics
 from rosbridge_sim.world.state.world_rows import WorldRows
 
@@ -104,7 +105,7 @@ def drive_lanes(world: WorldRows, dt: float) -> None:
         return
     is_decision = world.frame % DECISION == 0
     if is_decision:
-        followers.take_kernel(BACKEND.make)
+        followers.take_kernel(LANE_LOOPS.make)
     by = followers.kernel or followers
     has_motion = len(followers.egos.rows) > 0 and world.dynamics == Dynamics.SINGLE_TRACK
     saved = followers.egos.save_motion() if has_motion else None
@@ -125,18 +126,8 @@ class Kernel(Protocol):
         """See `LaneFollowers.move`."""
 
 
-class _Backend:
-    """The maker of the loops that drive the lane followers of all worlds; None while arrays do."""
-
-    make: Callable[[LaneFollowers], Kernel] | None = None
-
-
-BACKEND: Final = _Backend()
-
-
-def take_kernels(make: Callable[[LaneFollowers], Kernel] | None) -> None:
-    """Have loops drive the lane followers of all worlds from their next decision on; None for arrays."""
-    BACKEND.make = make
+LANE_LOOPS: Final = LoopMaker[Callable[["LaneFollowers"], Kernel]]()
+"""The loops that drive lane followers, from the next decision of each world on."""
 
 
 def view_driver(world: WorldRows, row: int) -> DriverView | None:

@@ -264,7 +264,7 @@ CELL_WORDS: Final = 4
 """Whole numbers of a place: key, first segment, number of segments, and one that is free."""
 
 AROUND_KEY: Final = 1 << 61
-"""What keys of the lanes around a cell have more than those of the nearest ones."""
+"""Added to the key of a cell, it is the key of the lanes around the cell; the key alone is that of the nearest ones."""
 
 MORE_PAIRS: Final = 62
 """Pairs that may meet within the horizon, besides two for each ego, so that loops take them."""

@@ -80,9 +80,9 @@ class Shifts(Record, eq=False):
 
 
 Edges = tuple[IntArray, FloatArray, FloatArray]
-"""What is ahead of vehicles that change lanes, in their lane, (p,) each; there may be several for a vehicle: which
-vehicle; how far its own side must come from where it began, to pass [m]; the distance from its front bumper to the tail
-of what is ahead, along the lane [m]."""
+"""Entities ahead of vehicles that change lanes, in their old lanes, (p,) each: the vehicle; how far its own side must
+come from where it began, to pass [m]; the distance along the lane from its front bumper to the tail ahead [m]. A
+vehicle may have several."""
 
 
 def is_clear(world: WorldRows, shifts: Shifts, speed: FloatArray, edges: Edges | None = None) -> BoolArray:

@@ -27,6 +27,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatAr
 from rosbridge_sim.world.people.known_crossings import FARTHEST, KnownCrossings
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.state.loop_maker import LoopMaker
 from rosbridge_sim.world.state.world import DT, Kind
 from rosbridge_sim.world.state.world_rows import WorldRows
 
@@ -145,7 +146,7 @@ def walk(world: WorldRows) -> None:
     """
     people = world.derived(People)
     if people.num:
-        people.take_kernel(BACKEND.make)
+        people.take_kernel(PEOPLE_LOOPS.make)
         people.decide()
 
 
@@ -159,18 +160,8 @@ class PeopleLoops(Protocol):
         """See `People.mind_kerbs`."""
 
 
-class _PeopleBackend:
-    """The maker of the loops for the people of all worlds; None while arrays do their work."""
-
-    make: Callable[[People], PeopleLoops] | None = None
-
-
-BACKEND: Final = _PeopleBackend()
-
-
-def take_people_loops(make: Callable[[People], PeopleLoops] | None) -> None:
-    """Have loops work for the people of all worlds from their next decision on; None for arrays."""
-    BACKEND.make = make
+PEOPLE_LOOPS: Final = LoopMaker[Callable[["People"], PeopleLoops]]()
+"""The loops for people, from the next decision of each world on."""
 
 
 def find_ways_over(world: WorldRows) -> tuple[FloatArray, ComplexArray]:

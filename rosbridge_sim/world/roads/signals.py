@@ -86,7 +86,7 @@ def look_at(plan: SignalPlan, frame: int | IntArray, origin: IntArray, forced: I
 
 
 class ShownLights:
-    """What drivers see of lights: those of a map, or of many worlds.
+    """The state of lights as drivers see it, of a map or of many worlds.
 
     Attributes:
         plan: of the lights; of many worlds, `light_of_lane` alone is repeated.

@@ -19,14 +19,14 @@ from rosbridge_sim.shell.kernels.compiler import (
     load_library,
     read_source,
 )
-from rosbridge_sim.world.contacts.collisions import take_pair_loops
-from rosbridge_sim.world.followers.lane_following import LaneFollowers, take_kernels
+from rosbridge_sim.world.contacts.collisions import PAIR_LOOPS
+from rosbridge_sim.world.followers.lane_following import LANE_LOOPS, LaneFollowers
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel
-from rosbridge_sim.world.people.people import People, take_people_loops
-from rosbridge_sim.world.scoring import take_loops
+from rosbridge_sim.world.people.people import PEOPLE_LOOPS, People
+from rosbridge_sim.world.scoring import SCORE_LOOPS
 from rosbridge_sim.world.state.world_rows import WorldRows
 
 
@@ -74,14 +74,11 @@ def make_score_kernel() -> Callable[[WorldRows], ScoreKernel]:
 @contextmanager
 def with_loops(*, are_there: bool = True) -> Iterator[None]:
     """All worlds are driven, their pairs watched and their egos judged by loops; else by arrays."""
-    take_kernels(make_kernel() if are_there else None)
-    take_pair_loops(make_pair_kernel() if are_there else None)
-    take_people_loops(make_people_kernel() if are_there else None)
-    take_loops(make_score_kernel() if are_there else None)
+    LANE_LOOPS.make = make_kernel() if are_there else None
+    PAIR_LOOPS.make = make_pair_kernel() if are_there else None
+    PEOPLE_LOOPS.make = make_people_kernel() if are_there else None
+    SCORE_LOOPS.make = make_score_kernel() if are_there else None
     try:
         yield
     finally:
-        take_loops(None)
-        take_kernels(None)
-        take_pair_loops(None)
-        take_people_loops(None)
+        LANE_LOOPS.make = PAIR_LOOPS.make = PEOPLE_LOOPS.make = SCORE_LOOPS.make = None
