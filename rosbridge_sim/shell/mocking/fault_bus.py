@@ -30,13 +30,16 @@ ever come. Calls beyond are refused."""
 CALL_BYTES: Final = 1_000
 """Least size that a delayed call or answer counts with: its objects [bytes]."""
 
+MESSAGE_BYTES: Final = 400
+"""The same of a delayed message: an empty one takes that much, too."""
+
 
 class FaultBus(WallClockBus):
     """A bus whose WebSocket clients are subject to faults.
 
     Attributes:
         faults: what happens to messages and calls.
-        find_client: returns what faults tell a client by; None for one that they spare, such as on the control port.
+        find_client: returns the number and address of a client; None for one that faults spare, as on the control port.
         now_ns: returns the time of the mock for a time of the loop.
         num_late_bytes: size of everything that is delayed [bytes].
     """
@@ -237,11 +240,12 @@ class _FaultyWire:
             # a changed message that the client's encoding cannot hold is lost
 
     def _delay(self, delay: float, topic: Topic, message: Message, sender: Participant, now: float) -> None:
-        if self._bus.num_late_bytes + message.num_bytes > MAX_LATE_BYTES:
+        num_bytes = max(MESSAGE_BYTES, message.num_bytes)
+        if self._bus.num_late_bytes + num_bytes > MAX_LATE_BYTES:
             return
         due = max(now + delay, self._late[-1][0] if self._late else 0.0)
         self._late.append((due, topic, message, sender))
-        self._bus.num_late_bytes += message.num_bytes
+        self._bus.num_late_bytes += num_bytes
         if self._timer is None:
             self._timer = asyncio.get_running_loop().call_at(self._late[0][0], self._flush)
 
@@ -252,7 +256,7 @@ class _FaultyWire:
         now = loop.time()
         while self._late and (self._late[0][0] <= now or self._owner not in self._bus.accounts):
             _, topic, message, sender = self._late.popleft()
-            self._bus.num_late_bytes -= message.num_bytes
+            self._bus.num_late_bytes -= max(MESSAGE_BYTES, message.num_bytes)
             if self._owner in self._bus.accounts:
                 try:
                     self._send(topic, message, sender, now)

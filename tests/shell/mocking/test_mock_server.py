@@ -19,7 +19,7 @@ from rosbridge_sim.errors import ConnectError, DocumentError, ServiceRefusedErro
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.mocking import mock_server
-from rosbridge_sim.shell.mocking.fault_bus import FaultBus
+from rosbridge_sim.shell.mocking.fault_bus import MESSAGE_BYTES, FaultBus
 
 ROBOT = """
 topics:
@@ -263,6 +263,20 @@ async def test_topics_whose_messages_are_delayed_are_bounded(tmp_path: Path) -> 
         async with asyncio.timeout(10):
             status = orjson.loads(await socket.recv())
         assert status["msg"] == "/t3: faults of the mock delay messages of 3 other topics of this client already"
+
+
+async def test_late_messages_without_fields_are_bounded_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rosbridge_sim.shell.mocking.fault_bus.MAX_LATE_BYTES", 5 * MESSAGE_BYTES)
+    text = FROM_CLIENTS.replace("RULE", "kind: delay, topics: [/e], seconds: 60")
+    async with mock_of(tmp_path, text) as sim, connect(sim.url, compression=None) as socket:
+        await socket.send('{"op":"advertise","topic":"/e","type":"std_msgs/Empty"}')
+        for _ in range(8):
+            await socket.send('{"op":"publish","topic":"/e","msg":{}}')
+        await socket.send('{"op":"call_service","service":"/rosapi/topics","id":"end"}')
+        async with asyncio.timeout(10):
+            await socket.recv()
+        assert isinstance(sim.bus, FaultBus)
+        assert sim.bus.num_late_bytes == 5 * MESSAGE_BYTES
 
 
 async def test_faults_of_one_client_spare_the_others(tmp_path: Path, subscribe: Subscribe) -> None:
