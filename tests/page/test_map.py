@@ -51,13 +51,19 @@ async def until(
 
     On a busy machine the browser now and then takes a picture between two drawings: all black but for the labels above.
     """
-    async with asyncio.timeout(PATIENCE):
-        while True:
-            await before()
-            pixels = await picture(page)
-            if (pixels > 0.0).any(axis=-1).mean() > 0.5 and check(pixels):
-                return pixels
-            await page.wait_for_timeout(250)  # a picture of the canvas costs as much as its drawing
+    seen = []
+    try:
+        async with asyncio.timeout(PATIENCE):
+            while True:
+                await before()
+                pixels = await picture(page)
+                seen.append(f"{(pixels > 0.0).any(axis=-1).mean():.2f}")
+                if float(seen[-1]) > 0.5 and check(pixels):
+                    return pixels
+                await page.wait_for_timeout(250)  # a picture of the canvas costs as much as its drawing
+    except TimeoutError:
+        view = [await page.locator(f".{name}").inner_text() for name in ("scale-bar", "header-time")]
+        raise AssertionError(f"waited in vain; shares that are not black: {' '.join(seen)}; {view}") from None
 
 
 def ego_pixels(pixels: Pixels) -> np.ndarray:

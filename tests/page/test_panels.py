@@ -197,6 +197,7 @@ async def test_second_page_has_one_name_for_the_first_and_shows_what_is_in_force
             await choose_tab(page, "Time")
         await first.get_by_label("Time step [ms]").fill("100")
         await first.get_by_role("button", name="Take synchronous mode").click()
+        await expect(first.locator(".header-time")).to_have_text("Synchronous, stands")  # else a step is not taken
         await choose_tab(first, "Ego")
         await begin_drive(first)
         await first.keyboard.down("w")
