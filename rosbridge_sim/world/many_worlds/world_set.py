@@ -1,4 +1,4 @@
-"""A set of worlds that are moved together, in as few batches as they allow."""
+"""A set of worlds that are moved together, in as few batches as they allow. The only world of a set needs none."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class WorldSet:
         for world in changed:
             world.has_changed = False
             key = _key_of(world)
-            if world.n > MAX_ROWS:
+            if world.n > MAX_ROWS or len(self.worlds) == 1:
                 if world.batch is not None:
                     world.move_to(None, -1)
             elif world.batch is None or key != _key_of(world.batch):

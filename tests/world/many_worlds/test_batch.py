@@ -175,6 +175,16 @@ def test_crowded_world_steps_alone_and_the_others_together() -> None:
     assert [world.frame for world in worlds] == [3, 3, 3]
 
 
+def test_only_world_of_a_set_steps_alone_and_does_the_same_beside_another() -> None:
+    worlds = [OneOfMany(seed=3) for _ in range(3)]
+    for world in worlds:
+        open_scene(world, "loop", 5)
+    for together in (WorldSet(worlds[:1]), WorldSet(worlds[1:])):
+        together.advance(12)
+    assert [world.batch is None for world in worlds] == [True, False, False]
+    assert worlds[0].digest() == worlds[1].digest()
+
+
 def test_worlds_of_different_phases_are_in_different_batches() -> None:
     worlds = [OneOfMany(seed=seed) for seed in range(4)]
     scenes = [open_scene(world, "loop", 2) for world in worlds]
