@@ -98,7 +98,9 @@ def _group_lights(
             for row in own:
                 del left[row]
             served = {lane for row in own for lane in _lanes_of(signals, row)}
-            width = sum(lanes.pieces[lane].width for lane in served) if is_walk else 0.0
+            # A lane that ends at the crosswalk and the one that begins there are one to cross.
+            crossed = [lanes.pieces[lane] for lane in sorted(served) if is_walk]
+            width = sum({(piece.road, piece.lane): piece.width for piece in crossed}.values())
             yield SignalGroup(tuple(own), frozenset(served), is_walk, width)
 
 

@@ -212,15 +212,13 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
     lines = layout.points(aside)
     ahead = lines[:, 1:, :2] - lines[:, :-1, :2]
     arc = np.zeros(aside.shape)
-    steps = np.hypot(ahead[..., 0], ahead[..., 1])
-    steps.cumsum(axis=1, out=arc[:, 1:])
+    np.hypot(ahead[..., 0], ahead[..., 1]).cumsum(axis=1, out=arc[:, 1:])
     good = (np.abs(lines) <= MAX_COORDINATE).all(axis=(1, 2)) & (arc[:, -1] <= 2.0 * MAX_LENGTH)
     if not good.all():
         expected = f"lanes within {MAX_COORDINATE:,.0f} m and no longer than {2.0 * MAX_LENGTH:,.0f} m"
         raise error_of(road, f"{expected}; lane {names[int(good.argmin())]} of section {number} is not")
     widths = layout.widths[outer]
     wide = widths >= NARROW
-    wide[:, 1:] &= steps > SHORT
     borders = _borders(lines, layout.edge_lines[outer], layout.edge_lines[inner], np.sign(names)[:, None])
     bank = np.tan(layout.roll)[:, None].repeat(2, axis=1) if np.count_nonzero(layout.roll) else None
     spans = []
@@ -235,7 +233,8 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
         is_forward = (name < 0) != road.is_left_hand
         turned = slice(None, None, 1 if is_forward else -1)
         for piece, (first, last, middle, low, high, width) in enumerate(spans):
-            if s[high[i]] - s[low[i]] < SHORT:
+            length = float(arc[i, high[i]] - arc[i, low[i]])
+            if length < SHORT:
                 continue
             part = slice(low[i], high[i] + 1)
             cut = (low[i] > first, high[i] < last)
@@ -249,7 +248,7 @@ def lay_lanes(road: Road, number: int, layout: SectionLayout, cuts: Iterable[flo
                 is_forward=is_forward,
                 is_cut=cut if is_forward else cut[::-1],
                 line=lines[i, part][turned],
-                length=float(arc[i, high[i]] - arc[i, low[i]]),
+                length=length,
                 s=s[part][turned],
                 aside=aside[i, part][turned],
                 border=border[:, ::-1] if (name > 0) != is_forward else border,

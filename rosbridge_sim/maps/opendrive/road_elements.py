@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.documents.xml_documents import Element
+from rosbridge_sim.documents.xml_documents import MAX_XML_NUMBER, Element
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.opendrive.plan_view import PlanShape
 from rosbridge_sim.records import Record
@@ -303,9 +303,8 @@ def _read_shape(element: Element) -> PlanShape:
     for child in element.children:
         keys = _FIGURES.get(child.tag)
         if keys is not None:
-            figures = [child.number(key) for key in keys]
-            if child.tag in {"arc", "spiral"} and max(map(abs, figures)) > MAX_CURVATURE:
-                raise child.error(keys[0], f"curvatures up to {MAX_CURVATURE:g} per metre", child.attributes[keys[0]])
+            most = MAX_CURVATURE if child.tag in {"arc", "spiral"} else MAX_XML_NUMBER
+            figures = [child.number(key, None, -most, most) for key in keys]
             if child.tag == "paramPoly3":
                 is_normalized = child.choice("pRange", ("arcLength", "normalized"), "normalized") == "normalized"
                 figures = [float(is_normalized), *figures]

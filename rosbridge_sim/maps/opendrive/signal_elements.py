@@ -98,13 +98,11 @@ def find_stop_cuts(road: Road) -> set[float]:
         for place in find_stops(road)
         if not any(_is_at_junction(road, place.s, is_forward=is_forward) for is_forward in (True, False))
     }
-    for one in road.signals:
-        if is_light(one) or one.tag == "signalReference":
-            place = _place_of(one)
-            ends = (road.after, road.before)
-            leads = [end for end, way in zip(ends, (True, False), strict=True) if place.is_forward in {None, way}]
-            if not road.junction and not any(end is not None and end.junction for end in leads) and is_light(one):
-                cuts.add(place.s)
+    for one in () if road.junction else filter(is_light, road.signals):
+        place = _place_of(one)
+        ends = [end for end, way in ((road.after, True), (road.before, False)) if place.is_forward in {None, way}]
+        if not any(end is not None and end.junction for end in ends):
+            cuts.add(place.s)
     return cuts
 
 

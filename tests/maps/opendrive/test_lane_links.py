@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from rosbridge_sim.maps.opendrive.lane_links import forbids_change
-from tests.maps.opendrive.xodr_texts import follows, geometry, joined, lane, link, read, road, section
+from rosbridge_sim.maps.opendrive.lane_links import find_cuts, forbids_change, spread_cuts
+from tests.maps.opendrive.xodr_texts import follows, geometry, joined, lane, link, read, record, road, section
 
 BOTH = section([lane(1), lane(0), lane(-1)])
 
@@ -203,3 +203,135 @@ def test_those_who_enter_a_roundabout_give_way(radius: float, straight: float, *
     stops = [name for name, is_stop in zip(roads.ids, roads.is_stop, strict=True) if is_stop]
     assert stops == (["1.0.-1"] if gives_way else [])
     assert any("1 lanes into roundabouts without a stop line" in note for note in road_map.notes) == gives_way
+
+
+# Single records of links
+
+
+def test_link_to_a_sidewalk_is_no_way_and_no_mistake() -> None:
+    lanes = section([lane(0), lane(-1, link(after=-2))])
+    other = road("2", plan=geometry(x=100.0), sections=section([lane(0), lane(-1), lane(-2, kind="sidewalk")]))
+    road_map = read(road("1", sections=lanes, links=joined("successor", "road", "2")), other)
+    assert (follows(road_map), [note for note in road_map.notes if "link" in note]) == ({}, [])
+
+
+def test_record_of_the_road_ahead_alone_joins_the_last_section_of_the_road_behind() -> None:
+    behind = section([lane(0), lane(-1)]) + section([lane(0), lane(-1), lane(-2)], 50.0)
+    ahead = section([lane(0), lane(-1, link(before=-2))])
+    road_map = read(
+        road("1", sections=behind),
+        road("2", plan=geometry(x=100.0, y=-3.5), sections=ahead, links=joined("predecessor", "road", "1", "end")),
+    )
+    assert follows(road_map) == {"1.1.-2": ["2.0.-1"]}
+
+
+def test_connection_to_lanes_that_one_road_does_not_have_is_told() -> None:
+    for links in ({-1: -2}, {-2: -1}):
+        (one, other) = next(iter(links.items()))
+        road_map = read(*crossing(), junction(connection("1", "5", links)))
+        told = f"1 links to roads and lanes that are not there: junction 9: road 1 -> road 5: lanes {one} -> {other}"
+        assert told in road_map.notes
+        # The connecting road tells the same link by itself.
+        assert follows(road_map) == {"1.0.-1": ["5.0.-1"], "5.0.-1": ["2.0.-1"]}
+
+
+def test_connection_of_a_road_that_does_not_meet_the_junction_is_told() -> None:
+    road_map = read(
+        road("1"), road("5", plan=geometry(x=100.0), junction="9"), junction(connection("1", "5", {-1: -1}))
+    )
+    assert "1 links to roads and lanes that are not there: junction 9: road 1 -> road 5" in road_map.notes
+
+
+def test_wrong_end_is_known_by_the_gap_between_the_very_ends() -> None:
+    """The near ends are 3 m apart, the next points of the lanes 5 m farther."""
+    lanes = section([lane(0), lane(-1, link(after=-1))])
+    for contact in ("start", "end"):
+        other = road("2", plan=geometry(x=103.0))
+        road_map = read(road("1", sections=lanes, links=joined("successor", "road", "2", contact)), other)
+        assert follows(road_map) == {"1.0.-1": ["2.0.-1"]}
+    far = road("2", plan=geometry(x=105.5))
+    assert follows(read(road("1", sections=lanes, links=joined("successor", "road", "2", "end")), far)) == {}
+
+
+def test_of_two_ends_that_would_do_the_nearer_one_is_taken() -> None:
+    """Vehicles leave both lanes at the ends that are named; either road may be the one that goes on."""
+    one = road(
+        "1",
+        plan=geometry(length=3.0),
+        length=3.0,
+        sections=section([lane(0), lane(-1, link(after=-1))]),
+        links=joined("successor", "road", "2", "end"),
+    )
+    for x, expected in ((1.5, {"2.0.-1": ["1.0.-1"]}), (2.4, {"1.0.-1": ["2.0.-1"]})):
+        two = road("2", plan=geometry(x=x, y=-3.5, hdg=math.pi, length=0.5), length=0.5)
+        assert follows(read(one, two)) == expected
+
+
+def test_joins_are_told_from_the_widest_gap_and_five_of_them_by_name() -> None:
+    lanes, roads = section([lane(0), lane(-1, link(after=-1))]), []
+    for i in range(7):
+        roads.append(
+            road(f"a{i}", plan=geometry(y=10.0 * i), sections=lanes, links=joined("successor", "road", f"b{i}"))
+        )
+        roads.append(road(f"b{i}", plan=geometry(x=100.1 + 0.1 * i, y=10.0 * i)))
+    examples = ", ".join(f"a{i}.0.-1 -> b{i}.0.-1 0.{i + 1}0 m" for i in (6, 5, 4, 3, 2))
+    note = f"7 lanes that follow one another over a gap of more than 1 cm: {examples}, ..."
+    assert note in read(*roads).notes
+    torn = read(*(text.replace('x="100', 'x="108') for text in roads))
+    assert any(note.startswith("7 lanes that are linked over more than 5 m do not follow") for note in torn.notes)
+    assert not any("1 cm" in note for note in torn.notes)
+    assert follows(torn) == {}
+
+
+# Cuts
+
+
+def cuts_of(*lanes: str, s: float = 10.0, more: str = "") -> list[float]:
+    own = record(road(sections=section([lane(0)]) + section(lanes, s), more=more))
+    return sorted(find_cuts(own, own.sections[1]))
+
+
+def marks(*kinds: str) -> str:
+    return "".join(f'<roadMark sOffset="{20 * i}" type="{kind}"/>' for i, kind in enumerate(kinds))
+
+
+def test_section_is_cut_where_a_change_of_lanes_becomes_another_on_either_side() -> None:
+    kinds = ("broken", "solid broken", "solid", "solid solid", "broken solid", "broken", "broken broken")
+    assert cuts_of(lane(0), lane(-1, marks(*kinds)), lane(-2)) == [30.0, 50.0, 90.0, 110.0]
+    assert cuts_of(lane(2), lane(1, marks("solid", "broken")), lane(0)) == [30.0]
+
+
+def test_lines_at_the_edges_of_the_roadway_cut_nothing() -> None:
+    kinds = marks("broken", "solid")
+    assert cuts_of(lane(1), lane(0, kinds), lane(-1)) == []
+    assert cuts_of(lane(0), lane(-1, kinds)) == []
+    assert cuts_of(lane(0), lane(-1, kinds), lane(-2, kind="shoulder")) == []
+    assert cuts_of(lane(0), lane(-1, kind="sidewalk", inner=kinds), lane(-2)) == []
+
+
+def test_speed_limits_of_the_road_and_of_its_lanes_cut_it() -> None:
+    limit = '<speed sOffset="15" max="5"/>'
+    kinds = '<type s="40" type="town"/>'
+    assert cuts_of(lane(0), lane(-1, limit), more=kinds) == [25.0, 40.0]
+    assert cuts_of(lane(0), lane(-1, limit, "sidewalk"), more=kinds) == [40.0]
+
+
+def test_cuts_keep_a_metre_from_the_ends_and_from_one_another() -> None:
+    own = record(road(sections=section([lane(0)]) + section([lane(0)], 10.0)))
+    cuts = {5.0, 10.5, 11.5, 12.0, 12.6, 98.5, 99.5, 120.0}
+    assert spread_cuts(cuts, own.sections[1]) == [11.5, 12.6, 98.5]
+
+
+def test_line_between_two_pieces_of_lanes_is_that_in_their_middle() -> None:
+    """In a section that begins at 10 m the line becomes solid at 50 m: the pieces are 10 to 50 m and 50 to 100 m."""
+    kinds = '<roadMark sOffset="0" type="broken"/><roadMark sOffset="40" type="solid"/>'
+    parts = section([lane(0), lane(-1)]) + section([lane(0), lane(-1, kinds), lane(-2)], 10.0)
+    roads = read(road(sections=parts)).roads
+    beside = {name: roads.right[row] for row, name in enumerate(roads.ids)}
+    assert beside == {
+        "1.0.-1": -1,
+        "1.1.-1": roads.row("1.1.-2"),
+        "1.1.-1.1": -1,
+        "1.1.-2": -1,
+        "1.1.-2.1": -1,
+    }

@@ -52,10 +52,21 @@ def test_spiral_is_the_same_from_any_of_its_places() -> None:
     assert np.abs(whole[:, 50:70] - part).max() < 1e-9
 
 
+def test_spiral_goes_on_before_its_start_as_behind_it() -> None:
+    """Its curvature changes evenly, so the way back is a spiral whose curvature changes by the same rate."""
+    back = PlanShape(0.0, 0.0, 0.0, math.pi, 10.0, "spiral", (-0.1, -0.1 + 0.05))
+    x, y, heading = place_on([PlanShape(10.0, 3.0, 4.0, 0.0, 60.0, "spiral", (0.1, 0.4))], np.array([0.0, 5.0, 10.0]))
+    other_x, other_y, other = place_on([back], np.array([0.0, 5.0, 10.0]))
+    assert x[::-1] - 3.0 == pytest.approx(other_x)
+    assert y[::-1] - 4.0 == pytest.approx(other_y)
+    assert heading[::-1] + math.pi == pytest.approx(other)
+
+
 def test_length_of_a_poly3_counts_along_the_curve() -> None:
     shape = PlanShape(0.0, 0.0, 0.0, 0.0, 40.0, "poly3", (0.0, 0.1, 0.02, -0.0003))
     s = np.linspace(0.0, 40.0, 8_001)
     x, y, heading = place_on([shape], s)
+    assert (x[0], y[0], heading[0]) == (0.0, 0.0, math.atan(0.1))
     assert np.abs(np.hypot(np.diff(x), np.diff(y)) - np.diff(s)).max() < 1e-6
     assert np.abs(y - (0.1 * x + 0.02 * x**2 - 0.0003 * x**3)).max() < 1e-9
     assert np.abs(np.unwrap(np.arctan2(np.diff(y), np.diff(x))) - 0.5 * (heading[1:] + heading[:-1])).max() < 1e-4

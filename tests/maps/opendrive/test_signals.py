@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.opendrive.signal_elements import StopPlace, find_stop_cuts, find_stops
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.world import DT
-from tests.maps.opendrive.xodr_texts import geometry, joined, lane, link, read, road, section
+from tests.maps.opendrive.xodr_texts import geometry, joined, lane, link, read, record, road, section
 
 BOTH = section([lane(1), lane(0), lane(-1)])
 
@@ -32,7 +33,7 @@ def valid(low: int, high: int) -> str:
     return f'<validity fromLane="{low}" toLane="{high}"/>'
 
 
-def crossing(more: dict[str, str] | None = None, controllers: str = "") -> RoadMap:
+def crossing(more: dict[str, str] | None = None, controllers: str = "", *, extra: str = "", name: str = "9") -> RoadMap:
     """Four roads of 100 m that lead to a crossing of 20 m; within it, two straight ways each over the other two.
 
     The roads W, E, S and N end at the crossing. WE and EW cross SN and NS.
@@ -73,7 +74,8 @@ def crossing(more: dict[str, str] | None = None, controllers: str = "") -> RoadM
             f'<connection id="{one}" incomingRoad="{one}" connectingRoad="{one}{other}" contactPoint="start">'
             '<laneLink from="-1" to="-1"/></connection>'
         )
-    return read(*parts, controllers, f'<junction id="9" name="">{connections}</junction>')
+    parts += [extra, controllers, f'<junction id="9" name="">{connections}</junction>']
+    return read(*(part.replace('"9"', f'"{name}"') for part in parts))
 
 
 def lights_of(road_map: RoadMap) -> dict[str, list[str]]:
@@ -221,3 +223,236 @@ def test_other_signals_are_signs_and_unknown_lights_are_told() -> None:
 def test_light_with_the_id_of_another_is_refused() -> None:
     with pytest.raises(DocumentError, match=r"line \d+: <signal 'T'>: id: expected each traffic light once, got 'T'"):
         crossing({name: on_road(signal("T", 98.0)) for name in "WE"})
+
+
+# Stop lines as records
+
+
+def test_stop_lines_have_their_lanes_their_direction_or_their_ends() -> None:
+    objects = (
+        '<object name="StopLine" s="30" t="-1.7" length="3.4"/><object name="StopLine" s="31" t="0"/>'
+        '<object name="StopLine" s="32" t="1" length="2" width="7"/><object name="StopLine" s="33" t="0" length="0.5"/>'
+        '<object type="crosswalk" s="34" t="0"/>'
+    )
+    signals = on_road(
+        signal("a", 40.0, "294", inner=valid(-2, 1)),
+        signal("b", 41.0, "205", way="-"),
+        signal("c", 42.0, "206", way="none", inner=valid(0, 0)),
+        signal("d", 43.0, "206").replace("OpenDRIVE", "US"),
+        signal("e", 44.0, "206").replace("OpenDRIVE", "Germany"),
+        '<signalReference id="a" s="45" t="0" type="206" orientation="+"/>',
+    )
+    assert find_stops(record(road(more=f"<objects>{objects}</objects>{signals}"))) == [
+        StopPlace(40.0, lanes=frozenset({-2, -1, 1}), is_forward=True),
+        StopPlace(41.0, is_forward=False),
+        StopPlace(42.0),
+        StopPlace(44.0, is_forward=True),
+        StopPlace(30.0, aside=(-1.7, 0.5 * 3.4 - 1.0)),
+        StopPlace(31.0, aside=(0.0, 1.0)),
+        StopPlace(32.0, aside=(1.0, 2.5)),
+        StopPlace(33.0, aside=(0.0, -0.75)),
+    ]
+
+
+def test_stop_line_is_for_the_lanes_that_it_says() -> None:
+    painted = StopPlace(0.0, lanes=frozenset({7}), is_forward=False, aside=(-2.0, 1.5))
+    assert [painted.holds_for(-1, middle, is_forward=True) for middle in (-4.6, -4.4, 0.4, 0.6)] == [
+        *(False, True),
+        *(True, False),
+    ]
+    assert [StopPlace(0.0, lanes=frozenset({-1})).holds_for(name, 0.0, is_forward=True) for name in (-1, 1)] == [
+        True,
+        False,
+    ]
+    assert [StopPlace(0.0, is_forward=way).holds_for(1, 0.0, is_forward=True) for way in (None, True, False)] == [
+        *(True, True),
+        False,
+    ]
+
+
+JUNCTION, ROAD = "junction", "road"
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "way", "is_cut"),
+    [
+        (ROAD, ROAD, "+", True),
+        (ROAD, JUNCTION, "+", False),
+        (JUNCTION, ROAD, "+", True),
+        (ROAD, JUNCTION, "-", True),
+        (JUNCTION, ROAD, "-", False),
+        (JUNCTION, ROAD, "none", False),
+        (ROAD, JUNCTION, "none", False),
+        ("", "", "none", True),
+    ],
+)
+def test_light_cuts_its_road_unless_a_junction_follows_in_its_direction(
+    before: str,
+    after: str,
+    way: str,
+    is_cut: bool,  # noqa: FBT001
+) -> None:
+    links = "".join(joined(tag, kind, "8") for tag, kind in (("predecessor", before), ("successor", after)) if kind)
+    more = on_road(signal("T", 50.0, way=way), '<signalReference id="T" s="60" t="0" orientation="+"/>')
+    assert find_stop_cuts(record(road(links=links, more=more))) == ({50.0} if is_cut else set())
+    assert find_stop_cuts(record(road(links=links, more=more, junction="8"))) == set()
+
+
+@pytest.mark.parametrize(
+    ("s", "way", "is_cut"),
+    [(93.0, "+", False), (91.0, "+", True), (93.0, "-", True), (7.0, "-", True), (7.0, "+", True)],
+)
+def test_stop_line_cuts_its_road_unless_it_is_just_before_a_junction(s: float, way: str, is_cut: bool) -> None:  # noqa: FBT001
+    """A line that might be for either direction is that of the junction."""
+    own = record(road(links=joined("successor", "junction", "8"), more=on_road(signal("s", s, "294", way=way))))
+    assert find_stop_cuts(own) == ({s} if is_cut or s < 90.0 else set()) - ({93.0} if way == "-" else set())
+
+
+def test_stop_line_within_a_junction_holds_for_the_lanes_that_lead_to_its_own_section() -> None:
+    inner = section([lane(0), lane(-1, link(-1, -1))]) + section([lane(0), lane(-1, link(-1, 1))], 10.0)
+    stop = on_road(signal("s", 2.0, "294", inner=valid(-1, -1)))
+    (own,) = (road("X", plan=geometry(x=-200.0, y=50.0), sections=BOTH, links=joined("successor", "junction", "9")),)
+    way = road(
+        "XY",
+        plan=geometry(x=-100.0, y=50.0, length=20.0),
+        length=20.0,
+        sections=inner,
+        junction="9",
+        links=joined("predecessor", "road", "X", "end"),
+        more=stop,
+    )
+    roads = crossing(extra=own + way).roads
+    assert [roads.ids[row] for row in np.flatnonzero(roads.is_stop)] == ["X.0.-1"]
+
+
+def test_lane_that_leads_nowhere_stops_at_the_edge_of_the_junction_too() -> None:
+    lanes = section([lane(0), lane(-1), lane(-2)])
+    text = road("Z", plan=geometry(y=50.0), sections=lanes, links=joined("successor", "junction", "9"))
+    text = text.replace("<lanes>", on_road(signal("s", 95.0, "294")) + "<lanes>")
+    roads = crossing(extra=text).roads
+    assert [roads.ids[row] for row in np.flatnonzero(roads.is_stop)] == ["Z.0.-1", "Z.0.-2"]
+
+
+# Lights and signs as they stand
+
+
+def test_signs_face_those_who_come_and_turn_by_their_offset() -> None:
+    turned = signal("c", 30.0, "274").replace("zOffset", 'hOffset="0.5" zOffset')
+    text = road(
+        plan=geometry(hdg=1.0), more=on_road(signal("a", 20.0, "274"), signal("b", 20.0, "27x", way="-"), turned)
+    )
+    assert [(sign.kind, round(sign.yaw, 6), sign.z) for sign in read(text).signs] == [
+        ("2", round(1.0 - math.pi, 6), 3.0),
+        ("", 1.0, 3.0),
+        ("2", round(1.5 - math.pi, 6), 3.0),
+    ]
+
+
+def test_light_hangs_two_and_a_half_metres_above_the_middle_of_the_road_at_least() -> None:
+    tilt = '<lateralProfile><superelevation s="0" a="0.4" b="0" c="0" d="0"/></lateralProfile>'
+    hill = '<elevationProfile><elevation s="0" a="1" b="0" c="0" d="0"/></elevationProfile>'
+    low, high = (signal("T", 60.0, t=5.0).replace(' zOffset="3"', more) for more in ("", ' zOffset="2"'))
+    heights = [read(road(more=tilt + hill + on_road(one))).plan.lights[0].z for one in (low, high)]
+    assert heights == pytest.approx([3.5, 3.0 + 5.0 * math.sin(0.4)])
+
+
+def test_light_faces_those_for_whom_it_is_and_that_of_a_crosswalk_as_it_is_turned() -> None:
+    plan = geometry('<arc curvature="0.02"/>')
+    walk = signal("P", 60.0, "1000002").replace("zOffset", 'hOffset="0.5" zOffset')
+    lights = read(
+        road(plan=plan, sections=BOTH, more=on_road(signal("T", 60.0, inner=valid(-1, -1)), walk))
+    ).plan.lights
+    assert [round(light.yaw, 2) for light in lights] == [round(1.2 + math.pi - 2.0 * math.pi, 2), 1.7]
+    (idle,) = read(road(plan=geometry(hdg=1.0), more=on_road(signal("T", 60.0, inner=valid(5, 5))))).plan.lights
+    assert (idle.lanes, round(idle.yaw, 6)) == ((), round(1.0 - math.pi, 6))
+
+
+def test_crosswalk_needs_an_area_and_has_the_lights_within_four_metres() -> None:
+    local = "".join(f'<cornerLocal u="{u}" v="{v}"/>' for u, v in ((-1, -2), (1, -2), (1, 2)))
+    objects = (
+        f'<object id="two" type="crosswalk" s="10" t="0"><outline>{local[: local.rindex("<")]}</outline></object>'
+        f'<object id="three" type="crosswalk" s="50" t="0" zOffset="0.2"><outline>{local}</outline></object>'
+        '<object id="none" type="crosswalk" s="60" t="0" length="2"/>'
+        '<object type="crosswalk" s="80" t="1" zOffset="0.3" hdg="0.4" length="2" width="6"/>'
+    )
+    lights = on_road(signal("A", 52.0, "1000002", t=5.8), signal("B", 52.0, "1000002", t=6.2), signal("C", 50.0))
+    road_map = read(road(plan=geometry(hdg=1.0), sections=BOTH, more=f"<objects>{objects}</objects>{lights}"))
+    three, sized = road_map.crosswalks
+    assert (three.name, three.lights, three.outlines[0][:, 2].tolist()) == ("three", (0,), [0.2, 0.2, 0.2])
+    middle = complex(80.0, 1.0) * complex(math.cos(1.0), math.sin(1.0))
+    turn = complex(math.cos(1.4), math.sin(1.4))
+    corners = [middle + turn * complex(u, v) for u, v in ((1, 3), (1, -3), (-1, -3), (-1, 3))]
+    assert sized.name == ""
+    assert sized.outlines[0] == pytest.approx(np.array([[each.real, each.imag, 0.3] for each in corners]))
+
+
+# The default plan
+
+
+def own_way(name: str, x: float, y: float, length: float = 10.3) -> str:
+    """A road within the junction, with a light for itself."""
+    light = on_road(signal(f"T{name}", 0.0, inner=valid(-1, -1)))
+    return road(name, plan=geometry(x=x, y=y, length=length), length=length, junction="9", more=light)
+
+
+def test_further_lights_are_green_in_every_phase_that_they_do_not_cross() -> None:
+    free, across = own_way("X", 0.0, 200.0), own_way("Y", -12.0, 8.0)  # the second one ends behind the lane of NS alone
+    phases = [names for _, names in shown(crossing(ALL_ARMS, extra=free + across))]
+    assert phases == ["TW TE TX TY", "", "TS TN TX", ""]
+
+
+@pytest.mark.parametrize(("length", "is_near"), [(11.2, False), (11.4, True)])
+def test_lanes_that_come_within_two_and_a_half_metres_of_each_other_conflict(length: float, is_near: bool) -> None:  # noqa: FBT001
+    """It ends 2.55 or 2.35 m before the lane of SN, whose middle is at x = 1.75 m."""
+    lights = {"S": ALL_ARMS["S"]}
+    phases = [names for _, names in shown(crossing(lights, extra=own_way("Y", -12.0, 8.0, length)))]
+    assert phases == (["TS", "", "TY", ""] if is_near else ["TS TY", ""])
+
+
+def test_pedestrians_do_not_walk_while_those_who_cross_their_way_have_green() -> None:
+    walk = signal("P", 97.0, "1000002", inner=valid(-1, 1))
+    both = crossing({"W": on_road(signal("TW", 98.0), walk)})
+    assert [names for _, names in shown(both)] == ["TW", "", "P", ""]
+    assert [seconds for seconds, _ in shown(both)][2] == pytest.approx(7.0 + 7.0 / 1.07, abs=0.02)
+    alone = crossing({"W": on_road(walk)})
+    assert [(round(seconds, 1), names) for seconds, names in shown(alone)] == [(13.5, "P"), (10.0, "")]
+
+
+def test_way_of_pedestrians_is_as_wide_as_the_lanes_that_they_cross() -> None:
+    """The light cuts the lanes at its own place, or stands within a metre of two sections: each lane counts once."""
+    parts = section([lane(1), lane(0), lane(-1)]) + section([lane(0), lane(-1)], 50.0)
+    for s, width in ((30.0, 7.0), (49.2, 7.0), (50.8, 7.0), (51.2, 3.5), (70.0, 3.5)):
+        (controller,) = read(road(sections=parts, more=on_road(signal("P", s, "1000002")))).plan.controllers
+        assert controller.walks[0].flashing * DT == pytest.approx(width / 1.07, abs=0.02), s
+
+
+def test_controller_has_the_number_in_the_name_of_its_junction() -> None:
+    for name, number in (("9", 9), ("J12", 12), ("J1b", 0), (str(2**31 + 5), 5)):
+        (controller,) = crossing(ALL_ARMS, name=name).plan.controllers
+        assert (controller.name, controller.number) == (name, number)
+
+
+def test_times_of_lights_follow_the_limits_and_the_size_of_the_junction() -> None:
+    def times(limit: float, length: float) -> tuple[float, float]:
+        kinds = f'<type s="0" type="town"><speed max="{limit}"/></type>'
+        lanes = section([lane(0), lane(-1, link(-1, -1))])
+        light = on_road(signal("T", 0.0, inner=valid(-1, -1)))
+        road_map = read(
+            road("1", links=joined("successor", "road", "2"), sections=lanes, more=kinds),
+            road("2", plan=geometry(x=100.0, length=length), length=length, junction="9", more=light),
+            road("3", plan=geometry(y=50.0, length=5.0), length=5.0, junction="9", more=light.replace("T", "U")),
+            road(
+                "4",
+                plan=geometry(x=3.0, y=47.0, hdg=1.57, length=9.0),
+                length=9.0,
+                junction="9",
+                more=light.replace("T", "V"),
+            ),
+        )
+        (controller,) = road_map.plan.controllers
+        return round(controller.yellow[0] * DT, 2), round(controller.phases[1].duration * DT, 2)
+
+    assert times(10.0, 40.0) == (3.0, 4.7)  # 1 s + 10 / (2 * 3.05) = 2.64 s; (40 m + 6.1 m) / (10 m/s) = 4.61 s
+    assert times(20.0, 40.0) == (4.3, 2.4)
+    assert times(40.0, 20.0) == (6.0, 1.0)
+    assert times(5.0, 40.0) == (3.0, 6.0)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from rosbridge_sim.documents.xml_documents import read_children
 from rosbridge_sim.maps.opendrive.opendrive_map import read_opendrive
+from rosbridge_sim.maps.opendrive.road_elements import Road, read_road
 from rosbridge_sim.maps.road_map import RoadMap
 
 LINE = "<line/>"
@@ -78,3 +80,9 @@ def follows(road_map: RoadMap) -> dict[str, list[str]]:
     roads = road_map.roads
     found = {name: [roads.ids[after] for after in roads.successors(row)] for row, name in enumerate(roads.ids)}
     return {name: sorted(after) for name, after in found.items() if after}
+
+
+def record(text: str) -> Road:
+    """The record of a road."""
+    elements = read_children([document(text)], "a.xodr", "OpenDRIVE")
+    return read_road(next(each for each in elements if each.tag == "road"))
