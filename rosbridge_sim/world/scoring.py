@@ -66,8 +66,10 @@ BESIDE: Final = 0.5
 """A place farther than this beyond the end of a lane is not on it [m]."""
 
 
-class Before(Record):
+class Before:
     """State of the world before the step, which `judge` compares with the state after it.
+
+    It lives until the next `World.touch`; until then rows keep their ids.
 
     Attributes:
         uid: (n,) int64.
@@ -75,9 +77,10 @@ class Before(Record):
         contacts: (m, 2) int64, the pairs of the last step.
     """
 
-    uid: IntArray
-    accel: FloatArray
-    contacts: IntArray
+    __slots__ = ("accel", "contacts", "uid")
+
+    def __init__(self, world: WorldRows) -> None:
+        self.uid, self.accel, self.contacts = world.uid.copy(), world.accel.copy(), world.contacts
 
 
 class Score(Record):
@@ -147,7 +150,10 @@ SCORE_LOOPS: Final = LoopMaker[Callable[[WorldRows], Loops]]()
 
 def remember(world: WorldRows) -> Before:
     """Store what `judge` wants of the world as a step begins."""
-    return Before(world.uid.copy(), world.accel.copy(), world.contacts)
+    before = world.derived(Before)
+    np.copyto(before.accel, world.accel)
+    before.contacts = world.contacts
+    return before
 
 
 def judge(world: WorldRows, before: Before) -> None:

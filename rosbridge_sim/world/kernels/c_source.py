@@ -134,9 +134,9 @@ OF_SEGMENTS: Final[Mapping[str, str]] = {
 
 OF_BLOCKS: Final[Mapping[str, str]] = {
     "D": "block_low block_high kept_cost",
-    "I": "block_first block_size cells cell_segment",
+    "I": "block_first block_size cells cell_segment used",
 }
-"""Boxes of segments, and what is kept of cells."""
+"""Boxes of segments, and what is kept of cells: the numbers of cells and of their segments last."""
 
 PLACE_COLUMNS: Final[Mapping[str, str]] = {"D": "x y z"}
 FOR_EGOS: Final[Mapping[str, str]] = {
@@ -147,15 +147,15 @@ FOR_EGOS: Final[Mapping[str, str]] = {
 OF_LOOKS: Final[Mapping[str, str]] = {"D": "ahead points_ahead", "I": "straight_on"}
 """Distances ahead of egos on their lanes, the places there, and for each lane the one straight on."""
 
-OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel turned", "I": "before_uid pair_ego pair_row"}
+OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel across", "I": "before_uid pair_ego pair_row"}
 """Room for what is worked out for each ego, and what a step hands over."""
 
 NUMBERS: Final = [
     *("n", "stride", "num_lanes", "num_in_map", "num_points", "num_others", "num_leaving", "num_moving"),
     *("num_entries", "num_bounds", "num_looks", "num_wandering", "num_shifted"),
     *("has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
-    *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat"),
-    *("num_blocks", "num_cells", "num_kept", "cell_room", "num_ahead"),
+    *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat", "has_across"),
+    *("num_blocks", "cell_room", "num_ahead"),
 ]
 """Whole numbers of the structure."""
 
@@ -227,7 +227,7 @@ FUNCTIONS: Final = {
     "mind_kerbs": " I",
     **dict.fromkeys(("find_slants", "move"), " D"),
     **dict.fromkeys(("list_headings", "measure"), ""),
-    **dict.fromkeys(("find_meetings", "find_lanes_below", "look_at_lanes", "judge_egos"), "I"),
+    **dict.fromkeys(("look_at_lanes", "judge_egos"), "I"),
 }
 """Functions of the library: the type of the result, and that of the argument after the structure's address."""
 
@@ -266,6 +266,9 @@ CELL_WORDS: Final = 4
 AROUND_KEY: Final = 1 << 61
 """Added to the key of a cell, it is the key of the lanes around the cell; the key alone is that of the nearest ones."""
 
+WITH_ARRAYS, NO_ROOM, NEAR_EDGES = -1, -2, -3
+"""Answers of loops for scores: arrays must do it; there is no room for new cells; `across` is wanted to the bit."""
+
 MORE_PAIRS: Final = 62
 """Pairs that may meet within the horizon, besides two for each ego, so that loops take them."""
 
@@ -275,6 +278,9 @@ _MORE_CONSTANTS: Final = {
     "CELL_WORDS": CELL_WORDS,
     "AROUND_KEY": AROUND_KEY,
     "MORE_PAIRS": MORE_PAIRS,
+    "WITH_ARRAYS": WITH_ARRAYS,
+    "NO_ROOM": NO_ROOM,
+    "NEAR_EDGES": NEAR_EDGES,
     "LANES_AHEAD": scoring.LANES_AHEAD,
     "NEAR_LANES": segment_cells.AROUND,
     "CORNER": math.sqrt(0.5) * segment_cells.CELL,
@@ -283,6 +289,7 @@ _MORE_CONSTANTS: Final = {
     "BESIDE_END": scoring.BESIDE,
     "LINE_REACH": 50.0,  # a stop line and a step are shorter
     "TOLERANCE": 1e-3,  # rough answers are so much too large [m], [s]
+    "NEAR_EDGE": 1e-9,  # sines of two libraries differ by less [m]
     "PI": math.pi,
     "FULL_TURN": 2.0 * math.pi,
     "NUM_LANES": NUM_AHEAD + 1,

@@ -61,10 +61,8 @@ class CompiledLoops(Protocol):
     look_at_kerbs: Callable[[int], int]
     mind_kerbs: Callable[[int, int], None]
     list_headings: Callable[[int], None]
-    find_lanes_below: Callable[[int], int]
     look_at_lanes: Callable[[int], int]
     judge_egos: Callable[[int], int]
-    find_meetings: Callable[[int], int]
     measure: Callable[[int], None]
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.contacts.collisions import POSE_X, POSE_Y, CollisionDetector
 from rosbridge_sim.world.contacts.time_to_collision import find_times_of_pairs, find_times_to_collision
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.geometry.segment_cells import AROUND
 from rosbridge_sim.world.geometry.segment_search import SegmentSearch
 from rosbridge_sim.world.kernels.c_source import (
@@ -22,10 +22,13 @@ from rosbridge_sim.world.kernels.c_source import (
     CELL_WORDS,
     FOR_EGOS,
     MORE_PAIRS,
+    NEAR_EDGES,
+    NO_ROOM,
     PLACE_COLUMNS,
     PLACE_OF,
     SCORE_COLUMNS,
     SCORE_ROADS,
+    WITH_ARRAYS,
 )
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
 from rosbridge_sim.world.kernels.loop_fields import LoopFields
@@ -58,7 +61,6 @@ class _Cells:
 
     Attributes:
         arrays: of the structure.
-        num_cells, num_kept: how much of them is used.
     """
 
     def __init__(self, roads: Roads) -> None:
@@ -71,8 +73,8 @@ class _Cells:
             "kept_cost": np.zeros(MAX_SEGMENTS),
             "cells": np.zeros(CELL_PLACES * CELL_WORDS, dtype=np.int64),
             "cell_segment": np.zeros(MAX_SEGMENTS, dtype=np.int64),
+            "used": np.zeros(2, dtype=np.int64),
         }
-        self.num_cells = self.num_kept = 0
         self._roads = roads
 
     def fill(self, fields: LoopFields) -> None:
@@ -93,16 +95,13 @@ class _Cells:
         fields["num_points"], fields["is_flat"] = len(roads.points), roads.is_flat
         fields["num_blocks"], fields["cell_room"] = len(self.arrays["block_first"]), MAX_SEGMENTS
 
-    def search(self, fields: LoopFields, loop: Callable[[int], int]) -> bool:
-        """Run a loop that looks for lanes; return whether it has found them."""
-        fields["num_cells"], fields["num_kept"] = self.num_cells, self.num_kept
-        found = loop(fields.address)
-        if found > 0:  # no room: begin anew
-            self.arrays["cells"][:] = 0
-            fields["num_cells"] = fields["num_kept"] = 0
-            found = loop(fields.address)
-        self.num_cells, self.num_kept = fields["num_cells"], fields["num_kept"]
-        return found == 0
+    def search(self, address: int, loop: Callable[[int], int]) -> int:
+        """Run a loop that looks for lanes, with the structure at an address; return its answer."""
+        found = loop(address)
+        if found == NO_ROOM:  # begin anew
+            self.arrays["cells"][:] = self.arrays["used"][:] = 0
+            found = loop(address)
+        return found
 
 
 def _yaws_below(fields: LoopFields) -> FloatArray:
@@ -139,7 +138,7 @@ class _Look:
         fields, yaw = self._fields, self._world.yaw[self.rows]
         np.cos(yaw, self._cosine)
         np.sin(yaw, self._sine)
-        if not self._cells.search(fields, self._do.look_at_lanes):
+        if self._cells.search(fields.address, self._do.look_at_lanes):
             return None
         arrays = fields.arrays
         lane = arrays["lane_below"]
@@ -187,10 +186,9 @@ class ScoreKernel:
         room = 2 * num + MORE_PAIRS
         self._pairs = np.zeros(room, np.int64), np.zeros((2, room), np.int64)
         self._poses = world.derived(CollisionDetector).poses
-        self._headings, self._turned = np.zeros(3 * num, np.complex128), np.zeros(num, np.complex128)
         self._angle, self._cosine, self._sine = (np.zeros(3 * num) for _ in range(3))
         fields.take(angle=self._angle, cosine=self._cosine, sine=self._sine)
-        fields.take(poses=self._poses, turned=self._turned)
+        fields.take(poses=self._poses, across=np.zeros(num))
         fields.take(pair_ego=self._pairs[0], pair_row=self._pairs[1])
         fields["n"], fields["num_rows"] = num, world.n
         fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
@@ -199,25 +197,45 @@ class ScoreKernel:
 
     def judge(self, before: Before) -> bool:
         """See `scoring.judge`; False if a place is too far away, or roads are too wide, for cells."""
-        do, at, fields, world = self._do, self._at, self._fields, self._world
+        do, at, fields = self._do, self._at, self._fields
+        fields.take(before_accel=before.accel, before_uid=before.uid)
+        fields["num_before"] = len(before.uid)
         do.list_headings(at)
         np.cos(self._angle, self._cosine)
         np.sin(self._angle, self._sine)
-        if not self._is_fit or not self._cells.search(fields, do.find_lanes_below):
+        found = self._cells.search(at, do.judge_egos) if self._is_fit else WITH_ARRAYS
+        if found == NEAR_EDGES:
+            self._measure_across()
+            found = do.judge_egos(at)
+        if found < 0:
             return False
-        rows, yaw = self._rows, _yaws_below(fields)
-        self._headings.real, self._headings.imag = self._cosine, self._sine
-        start, end, _ = self._headings.reshape(3, -1)
-        np.multiply(end, np.exp(-1j * yaw), self._turned)
-        fields.take(before_accel=before.accel, before_uid=before.uid)
-        fields["num_before"] = len(before.uid)
-        count_contacts(world, rows, before.contacts)
-        if do.judge_egos(at):
-            reach = world.half_length[rows] + world.centre[rows]
-            places = self._poses[:, POSE_X, rows] + 1j * self._poses[:, POSE_Y, rows]
-            judge_lines(world, rows, (places[0] + reach * start, places[1] + reach * end), end)
-        self._judge_meetings()
+        count_contacts(self._world, self._rows, before.contacts)
+        if found & 1:
+            self._judge_lines()
+        if found > 1:
+            self._judge_meetings(found >> 1)
         return True
+
+    def _headings(self) -> tuple[ComplexArray, ComplexArray]:
+        """Return the directions of the egos as the step began and as it ended, (k,) each."""
+        start, end, _ = (self._cosine + 1j * self._sine).reshape(3, -1)
+        return start, end
+
+    def _measure_across(self) -> None:
+        """Work out how far boxes reach across their lanes, as `scoring._judge_lanes` does."""
+        world, rows, fields = self._world, self._rows, self._fields
+        turned = self._headings()[1] * np.exp(-1j * _yaws_below(fields))
+        along, across = np.abs(turned.imag) * world.half_length[rows], np.abs(turned.real) * world.half_width[rows]
+        np.add(along, across, fields.arrays["across"])
+        fields["has_across"] = True
+
+    def _judge_lines(self) -> None:
+        """Count stop lines and red lights passed."""
+        world, rows = self._world, self._rows
+        start, end = self._headings()
+        reach = world.half_length[rows] + world.centre[rows]
+        places = self._poses[:, POSE_X, rows] + 1j * self._poses[:, POSE_Y, rows]
+        judge_lines(world, rows, (places[0] + reach * start, places[1] + reach * end), end)
 
     def look(
         self, rows: IntArray, ahead: FloatArray, straight_on: IntArray
@@ -228,14 +246,12 @@ class ScoreKernel:
             look = self._look = _Look(self._do, self._world, rows, ahead, straight_on)
         return look.find()
 
-    def _judge_meetings(self) -> None:
-        """Bring the times to collision up to date."""
-        world, rows, num = self._world, self._rows, self._do.find_meetings(self._at)
-        if not num:
-            return
-        if num < 0:
+    def _judge_meetings(self, num: int) -> None:
+        """Bring the times to collision up to date; there are so many pairs that may meet."""
+        world, rows, (egos, pairs) = self._world, self._rows, self._pairs
+        if num > len(egos):
             times = find_times_to_collision(world, rows)
         else:
-            times = find_times_of_pairs(world, len(rows), self._pairs[0][:num], self._pairs[1][:, :num])
+            times = find_times_of_pairs(world, len(rows), egos[:num], pairs[:, :num])
         world.time_to_collision[rows] = times
         world.min_time_to_collision[rows] = np.fmin(world.min_time_to_collision[rows], times)

@@ -47,7 +47,7 @@ static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
   D reach = CORNER * MORE, half = PI / SECTORS * MORE, bound = INFINITY;
   D far = sector < 0 ? (NEAR_LANES + CORNER) * MORE : INFINITY;
   if (sector >= 0 && k->is_flat) far = (find_least(k, x, y) + 2.0 * (TURN_COST + reach)) * MORE;
-  I first = k->num_kept, num = 0;
+  I first = k->used[1], num = 0;
   for (I block = 0; block < k->num_blocks; block++) {
     if (from_block(k, block, x, y) > far * far * MORE) continue;
     for (I j = 0; j < k->block_size[block]; j++) {
@@ -76,8 +76,8 @@ static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
   I left = 0;
   for (I j = 0; j < num; j++)
     if (!(k->kept_cost[j] > bound * MORE + 1e-9)) k->cell_segment[first + left++] = k->cell_segment[first + j];
-  k->num_kept = first + left;
-  k->num_cells++;
+  k->used[1] = first + left;
+  k->used[0]++;
   I at = (I)(mix((uint64_t)key) % NUM_PLACES);
   while (k->cells[CELL_WORDS * at]) at = (at + 1) % NUM_PLACES;
   I *cell = k->cells + CELL_WORDS * at;
@@ -92,7 +92,7 @@ static const I *look_up(K *k, I east, I north, I level, I sector) {
   I place = east * (2 * MAX_NUMBER) + north;
   I key = sector < 0 ? AROUND_KEY + place : (place * SECTORS + sector) * (2 * MAX_LEVEL) + level + 1;
   const I *cell = find_cell(k, key);
-  if (cell || k->num_cells >= MAX_CELLS) return cell;
+  if (cell || k->used[0] >= MAX_CELLS) return cell;
   return fill_cell(k, key, east, north, level, sector);
 }
 
@@ -198,19 +198,19 @@ EXPORT void list_headings(K *k) {
   }
 }
 
-/* The lanes below the middles of the boxes. Returns 0; 1 if there is no room for new cells; -1 if numpy must search. */
-EXPORT I find_lanes_below(K *k) {
+/* The lanes below the middles of the boxes. Returns 0, NO_ROOM or WITH_ARRAYS. */
+static I find_lanes_below(K *k) {
   I num = k->n;
   k->num_curved = 0;
   for (I i = 0; i < num; i++) {
     I r = k->rows[i];
     D x = POSE_OF(1, 0) + k->centre[r] * k->cosine[num + i], y = POSE_OF(1, 1) + k->centre[r] * k->sine[num + i];
-    if (!has_cell(k, x, y, k->z[r])) return -1;
-    if (!place_on_lane(k, i, x, y, k->z[r], k->cosine[2 * num + i], k->sine[2 * num + i])) return 1;
+    if (!has_cell(k, x, y, k->z[r])) return WITH_ARRAYS;
+    if (!place_on_lane(k, i, x, y, k->z[r], k->cosine[2 * num + i], k->sine[2 * num + i])) return NO_ROOM;
     k->is_on[i] = (B)is_between_edges(k, i, BESIDE_END);
     if (k->is_on[i]) continue;
     const I *cell = look_up(k, cell_of(x), cell_of(y), 0, -1);
-    if (!cell) return 1;
+    if (!cell) return NO_ROOM;
     k->is_on[i] = (B)is_on_road(k, cell, x, y, k->z[r]);
   }
   return 0;
@@ -241,8 +241,8 @@ EXPORT I look_at_lanes(K *k) {
   k->num_curved = 0;
   for (I i = 0; i < k->n; i++) {
     D x = k->x[k->rows[i]], y = k->y[k->rows[i]], z = k->z[k->rows[i]], cos_ = k->cosine[i], sin_ = k->sine[i];
-    if (!has_cell(k, x, y, z)) return -1;
-    if (!place_on_lane(k, i, x, y, z, cos_, sin_)) return 1;
+    if (!has_cell(k, x, y, z)) return WITH_ARRAYS;
+    if (!place_on_lane(k, i, x, y, z, cos_, sin_)) return NO_ROOM;
     k->is_on[i] = (B)is_between_edges(k, i, 1.0);
     for (I j = 0; j < k->num_ahead; j++) {
       D east, north, *ahead = k->points_ahead + 2 * (k->num_ahead * i + j);
@@ -299,8 +299,8 @@ static int may_meet(const K *k, I one, I other, const Sliding *own) {
   return 1;
 }
 
-/* Pairs of an ego and another entity of its world that may touch within the horizon; -1: more than there is room for. */
-EXPORT I find_meetings(K *k) {
+/* Pairs of an ego and another entity of its world that may touch within the horizon; room + 1: more than there is room for. */
+static I find_meetings(K *k) {
   I found = 0, room = 2 * k->n + MORE_PAIRS;
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
@@ -308,7 +308,7 @@ EXPORT I find_meetings(K *k) {
     k->time_to_collision[r] = INFINITY;
     for (I other = r % k->num_worlds; other < k->num_rows; other += k->num_worlds) {
       if (!k->alive[other] || other == r || !may_meet(k, r, other, &own)) continue;
-      if (found == room) return -1;
+      if (found == room) return room + 1;
       k->pair_ego[found] = i;
       k->pair_row[found] = r;
       k->pair_row[room + found++] = other;
@@ -338,7 +338,7 @@ static void judge_lane(K *k, I i) {
   k->is_off_road[r] = !is_on;
   k->off_road_frames[r] += !is_on;
   k->road_frames[r] += is_on;
-  D across = fabs(k->turned[2 * i + 1]) * k->half_length[r] + fabs(k->turned[2 * i]) * k->half_width[r];
+  D across = k->across[i];
   int was_left = k->is_over_left[r], was_right = k->is_over_right[r];
   if (former != lane) {
     D moved = offset - k->lane_offset[r];
@@ -380,17 +380,38 @@ static int may_pass(const K *k, I i) {
   return 0;
 }
 
-/* How many egos must be looked at for stop lines, by numpy. */
+/* How far boxes reach across their lanes, with sines of this library: whether they decide what edges are crossed. */
+static int is_across_known(K *k) {
+  int is_known = 1;
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i];
+    D turn = POSE_OF(1, 2) - k->yaw_below[i] - atan(k->slope_below[i]);
+    k->across[i] = fabs(sin(turn)) * k->half_length[r] + fabs(cos(turn)) * k->half_width[r];
+    D left = k->across[i] - k->to_left[i], right = k->across[i] - k->to_right[i];
+    is_known &= fabs(left) > NEAR_EDGE && fabs(left + BACK_INSIDE) > NEAR_EDGE;
+    is_known &= fabs(right) > NEAR_EDGE && fabs(right + BACK_INSIDE) > NEAR_EDGE;
+  }
+  return is_known;
+}
+
+/* Judge all; a negative answer has changed nothing. Returns twice the number of pairs that may meet, and 1 more if an ego must be
+   looked at for stop lines. */
 EXPORT I judge_egos(K *k) {
-  I num = 0;
+  if (!k->has_across) {
+    I found = find_lanes_below(k);
+    if (found) return found;
+    if (!is_across_known(k)) return NEAR_EDGES;
+  }
+  k->has_across = 0;
+  int passes = 0;
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
     judge_motion(k, i);
     judge_lane(k, i);
     k->has_passed_red[r] = 0;
-    num += k->open_line[r] != 0 || may_pass(k, i);
+    passes |= k->open_line[r] != 0 || may_pass(k, i);
   }
-  return num;
+  return 2 * find_meetings(k) + passes;
 }
 
 /* Distances by `hypot` of this library, to compare with numpy's. */

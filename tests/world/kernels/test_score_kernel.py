@@ -7,9 +7,10 @@ import numpy.typing as npt
 import pytest
 
 from rosbridge_sim.world.kernels import score_kernel
-from rosbridge_sim.world.kernels.c_source import MORE_PAIRS
+from rosbridge_sim.world.kernels.c_source import MORE_PAIRS, NEAR_EDGES
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel, measures_alike
 from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.scoring import BACK_INSIDE
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Gear, Kind, Mode, World
@@ -165,7 +166,7 @@ def test_cells_begin_anew_when_there_is_no_room(monkeypatch: pytest.MonkeyPatch)
         check_both(worlds[0], worlds[1], 1)
         kernel = worlds[1].derived(make_score_kernel())
         assert isinstance(kernel, ScoreKernel)
-        used.append(kernel._cells.num_kept)
+        used.append(kernel._cells.arrays["used"].item(1))
     assert max(used) <= 10
     assert min(np.diff(used)) < 0
 
@@ -190,6 +191,25 @@ def test_lanes_wider_than_cells_are_judged_by_arrays() -> None:
         worlds.append(world)
     check_both(worlds[0], worlds[1], 60)
     assert worlds[0].max_lane_offset[0] > 10.0
+
+
+@pytest.mark.parametrize("over", [0.0, 1e-15, -1e-15, -BACK_INSIDE, -BACK_INSIDE + 1e-15])
+def test_box_next_to_the_edge_of_its_lane_is_measured_by_arrays(over: float) -> None:
+    worlds = []
+    for _ in range(2):
+        world = World(0)
+        world.lay_roads(make(a=(line((0, 0), (900, 0)), "")))
+        world.spawn(Kind.EGO, CAR, name="ego", x=10.0, y=0.0, gear=Gear.DRIVE)
+        world.start_scoring()
+        world.is_over_left[0] = True
+        worlds.append(world)
+    edge = float(worlds[0].roads.border[0, 0] - worlds[0].half_width[0])
+    for world in worlds:
+        teleport(world, 0, x=10.0, y=edge + over, z=0.0, yaw=0.0)
+    check_both(worlds[0], worlds[1], 2)
+    kernel = worlds[1].derived(make_score_kernel())
+    assert isinstance(kernel, ScoreKernel)
+    assert kernel._do.judge_egos(kernel._at) == NEAR_EDGES
 
 
 def test_more_pairs_that_meet_than_there_is_room_for() -> None:
