@@ -254,7 +254,8 @@ class Row(Record):
         return next((part for part in self.parts if tag in part.tags), None)
 
 
-def _read_table(table: str) -> dict[str, Row]:
+def read_table(table: str) -> dict[str, Row]:
+    """Return the rows of a table in the form that the head of this module describes, by tag."""
     rows: dict[str, Row] = {}
     for line in re.sub(r"\n {4}", " ", table).strip().splitlines():
         names, _, rest = line.partition(":")
@@ -275,5 +276,5 @@ def _read_table(table: str) -> dict[str, Row]:
     return rows
 
 
-GRAMMAR: Final[Mapping[str, Row]] = _read_table(_TABLE)
+GRAMMAR: Final[Mapping[str, Row]] = read_table(_TABLE)
 """Kinds of elements by tag."""

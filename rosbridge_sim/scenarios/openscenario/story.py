@@ -83,7 +83,7 @@ def read_story(given: StoryText) -> Story:
             file and the line of each.
     """
     story, findings = examine_story(given)
-    refused = [] if given.is_lenient and story is not None else findings.refused
+    refused = findings.refused if story is None else []  # what was left out was not in the way
     wrong = [*findings.mistakes, *refused]
     if wrong or story is None:
         more = f"; and {len(wrong) - MAX_SHOWN} more, see scenario check" if len(wrong) > MAX_SHOWN else ""

@@ -320,9 +320,7 @@ class Storyboard:
             return
         if not fires:
             return
-        others = [
-            each for each in self.parts[part.parent].children if each != number and state.states[each] == State.RUNNING
-        ]
+        others = [each for each in self.parts[part.parent].children if state.states[each] == State.RUNNING]
         priority = part.item.get("priority", "parallel")
         if priority == "skip" and others:
             state.counts[number] += 1

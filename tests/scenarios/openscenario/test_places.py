@@ -12,6 +12,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap, predecessors
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.world.roads.roads import Roads
+from tests.maps.opendrive import xodr_texts as xodr
 
 HERE = MapPlace(40.0, 1.0, 2.0, math.pi / 2)
 """Where the entity `car` is."""
@@ -170,3 +171,189 @@ def test_way_along_lanes_takes_the_route_or_the_straightest_and_ends_at_dead_end
     assert move(OnLane(0, 5.0, 0.0), -20.0) == pytest.approx((0, 0.0, 0.0, 0.0, -15.0))
     assert [predecessors(story_map.roads, lane) for lane in range(4)] == [[], [], [0], [0]]
     assert story_map.find_way(OnLane(0, 10.0, 0.0), [OnLane(0, 50.0, 0.0), OnLane(3, 5.0, 0.0)]) == (0, 3)
+
+
+# Maps with roads and lanes of OpenDRIVE
+
+TURN = 0.5
+"""Direction of the roads; lanes of 3.5 m lie beside them, 1 and 2 to the left, -1 and -2 to the right."""
+
+
+def turned_map() -> StoryMap:
+    """Road `a` of 100 m, and road `b` behind it, which has the lanes 1 and -1 alone."""
+    lanes = {name: xodr.lane(name, xodr.link(name, name)) for name in (2, 1, -1, -2)}
+    one = xodr.road(
+        "a",
+        plan=xodr.geometry(hdg=TURN),
+        sections=xodr.section([*lanes.values(), xodr.lane(0)]),
+        links=xodr.joined("successor", "road", "b"),
+    )
+    other = xodr.road(
+        "b",
+        plan=xodr.geometry(x=100.0 * math.cos(TURN), y=100.0 * math.sin(TURN), hdg=TURN),
+        sections=xodr.section([lanes[1], xodr.lane(0), lanes[-1]]),
+        links=xodr.joined("predecessor", "road", "a", "end"),
+    )
+    return StoryMap.of(xodr.read(one, other, header="<geoReference>+proj=utm +zone=52 +ellps=WGS84</geoReference>"))
+
+
+def beside_road(place: MapPlace) -> tuple[float, float, float]:
+    """Distance along the roads, to their left, and direction relative to theirs, rounded."""
+    there = complex(place.x, place.y) * complex(math.cos(TURN), -math.sin(TURN))
+    return round(there.real, 6), round(there.imag, 6), round(math.remainder(place.yaw - TURN, math.tau), 6)
+
+
+def on_roads(position: StoryItem, lane: str = "a.0.-1", s: float = 40.0, offset: float = 0.5) -> tuple[float, ...]:
+    """The place of a position relative to an entity on a lane."""
+    story_map = turned_map()
+    on = OnLane(story_map.roads.row(lane), s, offset)
+    return beside_road(story_map.find_place(position, lambda _name: (story_map.at(on), on)))
+
+
+BACK = round(math.pi, 6)
+
+
+@pytest.mark.parametrize(
+    ("position", "expected"),
+    [
+        (item("LanePosition", roadId="a", laneId="-2", s=30.0), (30.0, -5.25, 0.0)),
+        (item("LanePosition", roadId="a", laneId="-1", s=30.0, offset=0.5), (30.0, -1.25, 0.0)),
+        (item("LanePosition", roadId="a", laneId="2", s=30.0, offset=0.5), (30.0, 5.75, BACK)),
+        (item("RoadPosition", roadId="b", s=30.0, t=2.0), (130.0, 2.0, 0.0)),
+    ],
+)
+def test_place_on_a_road_has_its_direction_and_that_on_a_lane_the_one_of_traffic(
+    position: StoryItem, expected: tuple[float, ...]
+) -> None:
+    found = on_roads(position)
+    assert (*found[:2], abs(found[2])) == pytest.approx(expected, abs=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("lane", "steps", "more", "expected"),
+    [
+        ("a.0.-1", -1, {"ds": 20.0}, (60.0, -5.25, 0.0)),
+        ("a.0.-1", 1, {"ds": 20.0, "offset": 0.5}, (60.0, 2.25, BACK)),
+        ("a.0.-2", 3, {"ds": -20.0}, (20.0, 5.25, BACK)),
+        # The entity is 40 m from the start of a lane that runs against the road: at 60 m.
+        ("a.0.1", 1, {"ds": 20.0}, (40.0, -1.75, 0.0)),
+        ("a.0.1", -1, {"ds": 20.0}, (40.0, 5.25, BACK)),
+        ("a.0.1", 0, {"ds": -20.0, "offset": 0.5}, (80.0, 2.25, BACK)),
+        # Along the lane, onto the next road.
+        ("a.0.-1", 0, {"dsLane": 80.0, "offset": 0.5}, (120.0, -1.25, 0.0)),
+        ("a.0.-1", 0, {"ds": 80.0}, (120.0, -1.75, 0.0)),
+        ("a.0.-1", 1, {"ds": 80.0}, (120.0, 1.75, BACK)),
+        ("a.0.-1", 1, {"dsLane": 20.0, "offset": 0.5}, (60.0, 2.25, BACK)),
+        ("a.0.-1", -1, {"dsLane": 20.0, "offset": 0.5}, (60.0, -4.75, 0.0)),
+        ("b.0.1", -1, {"dsLane": 80.0}, (80.0, 5.25, BACK)),
+    ],
+)
+def test_lanes_are_counted_to_the_left_of_the_entity(
+    lane: str, steps: int, more: dict[str, float], expected: tuple[float, float, float]
+) -> None:
+    found = on_roads(item("RelativeLanePosition", entityRef="car", dLane=steps, **more), lane)
+    assert (*found[:2], abs(found[2])) == pytest.approx(expected, abs=2e-6)
+
+
+def test_place_relative_to_the_road_of_an_entity_follows_the_road_not_the_lane() -> None:
+    position = item("RelativeRoadPosition", entityRef="car", ds=20.0, dt=0.25)
+    assert on_roads(position) == pytest.approx((60.0, -1.0, 0.0), abs=2e-6)
+    found = on_roads(position, "a.0.1")
+    assert (*found[:2], abs(found[2])) == pytest.approx((80.0, 1.5, BACK), abs=2e-6)
+
+
+def test_row_of_a_lane_beside_is_none_where_traffic_comes_the_other_way() -> None:
+    story_map = turned_map()
+    row = story_map.roads.row
+
+    def beside(lane: str, steps: int) -> tuple[int, float]:
+        found, aside = story_map.beside(OnLane(row(lane), 40.0, 9.0), steps)
+        return found, round(aside, 6)
+
+    assert [beside("a.0.-1", steps) for steps in (0, -1, 1, 2)] == [
+        *((row("a.0.-1"), 0.0), (row("a.0.-2"), -3.5)),
+        *((-1, 3.5), (-1, 7.0)),
+    ]
+    assert [beside("a.0.1", steps) for steps in (-1, 1)] == [(row("a.0.2"), -3.5), (-1, 3.5)]
+    with pytest.raises(DocumentError, match="road 'a' has no lane -3; it has -2, -1, 1, 2"):
+        beside("a.0.-1", -2)
+
+
+def test_place_on_a_route_may_be_on_another_lane_of_the_road() -> None:
+    corners = [
+        item("Waypoint", item("Position", item("LanePosition", roadId=name, laneId="-1", s=50.0)))
+        for name in ("a", "b")
+    ]
+    ref = item("RouteRef", item("Route", *corners))
+
+    def at(**within: Any) -> tuple[float, ...]:  # noqa: ANN401 - attributes of an element
+        return on_roads(item("RoutePosition", ref, item("InRoutePosition", item("FromLaneCoordinates", **within))))
+
+    assert at(pathS=20.0, laneId="-2", laneOffset=0.5)[:2] == pytest.approx((70.0, -4.75), abs=2e-6)
+    assert at(pathS=70.0, laneId="1")[:2] == pytest.approx((120.0, 1.75), abs=2e-6)
+    with pytest.raises(DocumentError, match="RoutePosition: expected the id of a lane, a whole number, got 'x'"):
+        at(pathS=20.0, laneId="x")
+
+
+def test_place_on_the_globe_is_on_the_ground_of_the_map() -> None:
+    story_map = turned_map()
+    assert story_map.on_globe is not None
+    values = {"latitudeDeg": 0.0005, "longitudeDeg": 124.511}
+    expected = story_map.on_globe(values["latitudeDeg"], values["longitudeDeg"])
+    assert expected is not None
+    for each in (values, {name.removesuffix("Deg"): math.radians(value) for name, value in values.items()}):
+        place = story_map.find_place(item("GeoPosition", **each), lambda _name: (HERE, OnLane(0, 0.0, 0.0)))
+        assert (place.x, place.y, place.z, place.yaw) == pytest.approx((*expected, 0.0, 0.0), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("position", "why"),
+    [
+        (
+            item("LanePosition", roadId="a", laneId="-3", s=1.0),
+            "LanePosition: road 'a' has no lane -3; it has -2, -1, 1, 2",
+        ),
+        (item("LanePosition", roadId="a", laneId="-1", s=101.0), "s: lane -1 of road 'a' has no place at 101 m"),
+        (item("LanePosition", roadId="c", laneId="-1", s=1.0), "LanePosition: the map has no road 'c'"),
+        (item("RoadPosition", roadId="c", s=1.0, t=0.0), "RoadPosition: the map has no road 'c'"),
+        (item("RoadPosition", roadId="b", s=101.0, t=0.0), "s: road 'b' has no place at 101 m"),
+        (item("GeoPosition", latitudeDeg=1.0), "expected latitudeDeg and longitudeDeg, or both in radians, within"),
+    ],
+)
+def test_place_that_the_roads_do_not_have_is_told(position: StoryItem, why: str) -> None:
+    with pytest.raises(DocumentError) as refusal:
+        on_roads(position)
+    assert why in str(refusal.value)
+
+
+def test_place_relative_to_an_entity_beside_all_lanes_is_told() -> None:
+    for position in (
+        item("RelativeLanePosition", entityRef="car", dLane=0, ds=0.0),
+        item("RelativeRoadPosition", entityRef="car", ds=0.0, dt=0.0),
+    ):
+        with pytest.raises(DocumentError, match=f"{position.kind}: car is on no lane"):
+            make_map().find_place(position, lambda _name: (HERE, OnLane(-1, 0.0, 0.0)))
+
+
+def test_lanes_with_ids_are_those_of_opendrive_alone() -> None:
+    with pytest.raises(DocumentError, match="lanes have ids on OpenDRIVE maps alone; use RelativeTargetLane"):
+        make_map().lane_beside(OnLane(0, 10.0, 0.0), 1)
+
+
+def test_something_behind_the_end_of_a_lane_is_on_the_next_one_and_beyond_the_last_at_its_end() -> None:
+    """The nearest point is a corner of the map's lines, and the way beyond it is counted along the lanes."""
+    story_map = make_map()
+    beyond = story_map.project(MapPlace(-5.0, 0.5, 0.0, 0.1))
+    assert (beyond.lane, beyond.s, beyond.offset, beyond.turned) == pytest.approx((0, 0.0, 0.5, 0.1))
+    last = story_map.project(MapPlace(102.0, 6.0, 0.0, 0.0))
+    assert (last.lane, last.s, last.offset) == pytest.approx((1, 100.0, 2.5))
+
+
+def test_lane_two_to_the_left_is_found_by_two_steps_on_a_map_without_roads() -> None:
+    lines = [np.array([(0, y, 0), (100, y, 0)], dtype=np.float64) for y in (0.0, 3.0, 7.0)]
+    roads = Roads(["a", "b", "c"], lines, [[], [], []], [3.5] * 3, [15.0] * 3, left=[1, 2, -1], right=[-1, 0, 1])
+    story_map = StoryMap(roads)
+    assert [story_map.beside(OnLane(0, 40.0, 9.0), steps) for steps in (1, 2)] == [(1, 3.0), (2, 7.0)]
+    assert story_map.beside(OnLane(2, 40.0, 0.0), -2) == (0, -7.0)
+    with pytest.raises(DocumentError, match=r"no lane \+3 beside link 'a'"):
+        story_map.beside(OnLane(0, 40.0, 0.0), 3)

@@ -10,13 +10,18 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.scenarios.openscenario import story as story_module
 from rosbridge_sim.scenarios.openscenario.entities import story_scenario
 from rosbridge_sim.scenarios.openscenario.grammar import GRAMMAR, LEFT_OUT
-from rosbridge_sim.scenarios.openscenario.story import catalogue_folders, examine_story, read_story
+from rosbridge_sim.scenarios.openscenario.story import (
+    catalogue_folders,
+    declared_parameters,
+    examine_story,
+    read_story,
+)
 from rosbridge_sim.scenarios.openscenario.story_items import evaluate
 from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryText
 from rosbridge_sim.simulator.story.conditions import OF_ENTITY, OF_VALUE
 from rosbridge_sim.simulator.story.motions import MOTIONS
 from rosbridge_sim.world.state.world import Kind
-from tests.simulator.story.story_texts import CAR, after, event, group, speed, story
+from tests.simulator.story.story_texts import CAR, after, at, by_entity, event, group, speed, state_of, story
 
 CATALOGUE = """<OpenSCENARIO><FileHeader revMajor="1" revMinor="2"/><Catalog name="Cars">
 <Vehicle name="fast" vehicleCategory="car"><ParameterDeclarations>
@@ -279,3 +284,160 @@ def test_every_part_in_the_table_is_a_row_of_it() -> None:
 
 def test_a_car_of_the_fixture_is_read() -> None:
     assert "Vehicle" in CAR
+
+
+# Bounds, names and remarks of whole stories
+
+
+def folders_of(num: int) -> list[str]:
+    inner = "".join(f"<Folder{i}><Directory path='p{i % 20}'/></Folder{i}>" for i in range(num))
+    return catalogue_folders(story({"Ego": ""}, more=f"<CatalogLocations>{inner}</CatalogLocations>").encode(), "s", {})
+
+
+def test_there_are_sixteen_folders_of_catalogues_at_most() -> None:
+    assert folders_of(16) == [f"p{i}" for i in range(16)]
+    with pytest.raises(DocumentError, match="s: expected at most 16 folders of catalogues, got 17"):
+        folders_of(17)
+    text = story({"Ego": ""}, more="<CatalogLocations><A><File path='x'/><Directory/></A></CatalogLocations>")
+    assert catalogue_folders(text.encode(), "s", {}) == []
+
+
+def test_parameters_of_a_scenario_are_told_by_name() -> None:
+    assert declared_parameters(story({"Ego": ""}, more=DECLARED.format(3)).encode(), "s") == {"v"}
+
+
+def test_error_shows_eight_things_and_the_number_of_the_others() -> None:
+    wrong = "".join(f'<Private entityRef="none{i}"/>' for i in range(10))
+    text = story({"Ego": ""}).replace("</Actions>", wrong + "</Actions>")
+    with pytest.raises(DocumentError) as caught:
+        read(text)
+    told = str(caught.value)
+    assert told.endswith("; and 2 more, see scenario check")
+    assert told.count("no entity") == 8
+    one = story({"Ego": ""}).replace("</Actions>", wrong[: wrong.index("/>") + 2] + "</Actions>")
+    with pytest.raises(DocumentError, match=r"no entity 'none0'$"):
+        read(one, is_lenient=True)
+
+
+def test_what_is_refused_where_nothing_can_be_left_out_is_told_though_reading_is_lenient() -> None:
+    text = story({"Ego": ""}).replace("</Entities>", "<Unheard/></Entities>")
+    with pytest.raises(DocumentError, match="no element 'Unheard' is known in Entities"):
+        read(text, is_lenient=True)
+
+
+@pytest.mark.parametrize(
+    ("path", "map_file"), [("x/MGeo/", ""), ("mgeo", ""), ("a/MGeo.xodr", "a/MGeo.xodr"), ("", "")]
+)
+def test_map_file_is_the_logic_file_but_a_folder_of_mgeo(path: str, map_file: str) -> None:
+    text = story({"Ego": ""}).replace("<RoadNetwork/>", f"<RoadNetwork><LogicFile filepath='{path}'/></RoadNetwork>")
+    assert (read(text).map_file, read(text).map_name) == (map_file, "")
+
+
+def test_map_of_morai_counts_before_that_of_a_variable() -> None:
+    variables = "".join(
+        f'<VariableDeclaration name="{name}" value="{value}"/>' for name, value in (("moraiMap", "A"), ("other", "3"))
+    )
+    text = story({"Ego": ""}, more=f"<VariableDeclarations>{variables}</VariableDeclarations>")
+    found = read(text, parameters={})
+    assert (found.map_name, found.variables) == ("A", {"other": "3"})
+    told = read(text.replace("</OpenSCENARIO>", '<SimulatorInfo><Map name="B"/></SimulatorInfo></OpenSCENARIO>'))
+    assert told.map_name == "B"
+
+
+@pytest.mark.parametrize(
+    ("init", "wanted", "told"),
+    [
+        (["walker"], "Ego", "no vehicle 'Ego'; there are none"),
+        ([f"c{i}" for i in range(13)], "Egg", f"no vehicle 'Egg'; there are {', '.join(f'c{i}' for i in range(12))}"),
+    ],
+)
+def test_vehicles_that_could_be_the_ego_are_listed(init: list[str], wanted: str, told: str) -> None:
+    with pytest.raises(DocumentError) as caught:
+        read(story(dict.fromkeys(init, "")), ego=wanted)
+    assert str(caught.value) == f"s.xosc: --ego-entity: {told}"
+
+
+def test_vehicle_with_the_role_of_the_ego_is_the_ego() -> None:
+    text = story({"First": "", "Second": ""})
+    at = text.rindex("vehicleCategory")
+    found = read(f'{text[:at]}role="ego" {text[at:]}')
+    assert (found.ego, found.findings.notes) == ("Second", [])
+
+
+def test_distances_of_a_pedestrian_are_numbers_of_metres() -> None:
+    def holds(*values: tuple[str, str]) -> tuple[float, float]:
+        inner = "".join(f'<Property name="{name}" value="{value}"/>' for name, value in values)
+        text = story({"Ego": "", "walker": ""}).replace(
+            "</Pedestrian>", f"<Properties>{inner}</Properties></Pedestrian>"
+        )
+        return read(text).holds["walker"]
+
+    assert holds(("activeDistance", "25"), ("moveDistance", "3.5"), ("other", "x")) == (25.0, 3.5)
+    assert holds() == (0.0, 0.0)
+    assert holds(("moveDistance", "1e9"), ("activeDistance", "0")) == (0.0, 1e9)
+    for wrong in ("x", "-1", "nan", "1.1e9"):
+        with pytest.raises(DocumentError, match=rf"line \d+: moveDistance: expected a distance \[m\], got '{wrong}'"):
+            holds(("moveDistance", wrong))
+
+
+def test_two_of_one_name_are_told() -> None:
+    text = story({"Ego": ""}).replace("</Entities>", f'<ScenarioObject name="Ego">{CAR}</ScenarioObject></Entities>')
+    with pytest.raises(DocumentError, match=r"^s\.xosc: two entities have the same name$"):
+        read(text)
+    signals = f"<TrafficSignals>{2 * SIGNAL}</TrafficSignals>"
+    text = story({"Ego": ""}).replace("<RoadNetwork/>", f"<RoadNetwork>{signals}</RoadNetwork>")
+    with pytest.raises(DocumentError, match=r"^s\.xosc: line \d+: TrafficSignals: two controllers have the same name$"):
+        read(text)
+
+
+SIGNAL = '<TrafficSignalController name="c"><Phase name="p" duration="1"/></TrafficSignalController>'
+
+
+def bounded(monkeypatch: pytest.MonkeyPatch, name: str, most: int, text: str) -> str:
+    """What is told about a story with a bound; empty if nothing is."""
+    monkeypatch.setattr(story_module, name, most)
+    try:
+        read(text)
+    except DocumentError as error:
+        return str(error)
+    return ""
+
+
+def test_entities_and_events_and_looks_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    refs = by_entity("Ego Other", '<StandStillCondition duration="1"/>')
+    corners = "".join(f"<Vertex>{at(x, 0)}</Vertex>" for x in (0, 10, 20))
+    line = f'<Trajectory name="t"><Shape><Polyline>{corners}</Polyline></Shape></Trajectory>'
+    place = f'<Position><TrajectoryPosition s="0"><TrajectoryRef>{line}</TrajectoryRef></TrajectoryPosition></Position>'
+    reach = by_entity("Ego", f'<ReachPositionCondition tolerance="1">{place}</ReachPositionCondition>')
+    events = [event(f"e{i}", speed(1), start) for i, start in enumerate((after(1), refs, reach))]
+    text = story({"Ego": "", "Other": ""}, group("Ego", *events))
+    assert bounded(monkeypatch, "MAX_ENTITIES", 2, text) == ""
+    assert bounded(monkeypatch, "MAX_EVENTS", 3, text) == ""
+    assert bounded(monkeypatch, "MAX_EVENTS", 2, text) == "s.xosc: expected at most 2 events, got 3"
+    monkeypatch.undo()
+    assert bounded(monkeypatch, "MAX_LOOKS", 7, text) == ""  # a time, two entities, one entity and three vertices
+    assert "vertices of positions in them, got 7" in bounded(monkeypatch, "MAX_LOOKS", 6, text)
+    monkeypatch.undo()
+    assert bounded(monkeypatch, "MAX_ENTITIES", 1, text) == "s.xosc: expected at most 1 entities, got 2"
+
+
+def test_looks_of_the_evaluation_are_counted_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    end = f"<Evaluation><SuccessConditionGroup>{after(1)}{after(2)}</SuccessConditionGroup></Evaluation>"
+    text = story({"Ego": ""}, end=end)
+    assert bounded(monkeypatch, "MAX_LOOKS", 2, text) == ""
+    assert "got 2" in bounded(monkeypatch, "MAX_LOOKS", 1, text)
+
+
+@pytest.mark.parametrize("is_lenient", [True, False])
+def test_element_that_a_condition_names_and_the_story_has_not_is_a_mistake_or_a_note(*, is_lenient: bool) -> None:
+    def told(kind: str, name: str) -> list[str]:
+        text = story({"Ego": ""}, group("Ego", event("e", speed(1), state_of(kind, name, "runningState"))))
+        _, findings = examine_story(text_of(text, is_lenient=is_lenient))
+        lines, others = (findings.notes, findings.mistakes) if is_lenient else (findings.mistakes, findings.notes)
+        assert others == []
+        return [line.partition(": ")[2].partition(": ")[2] for line in lines]
+
+    key = "StoryboardElementStateCondition.storyboardElementRef"
+    assert told("event", "e") == told("act", "story::act") == told("maneuverGroup", "group") == []
+    assert told("event", "act::ee") == [f"{key}: there is no 'ee'"]
+    assert told("action", "e") == [f"{key}: there is no 'e'"]

@@ -8,7 +8,7 @@ import pytest
 
 from rosbridge_sim.scenarios.openscenario.story import read_story
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem, StoryText
-from rosbridge_sim.scenarios.openscenario.storyboard import State, Storyboard
+from rosbridge_sim.scenarios.openscenario.storyboard import State, Storyboard, StoryVerdict, Transition
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
 from tests.simulator.story.story_texts import by_value, event, group, speed, story, trigger
 
@@ -23,11 +23,14 @@ def probe(name: str, *, delay: float = 0.0, edge: str = "none") -> str:
 class Stage:
     """A host whose conditions are switches, and whose actions go on until they are let go."""
 
-    def __init__(self, *groups: str, stop: str = "") -> None:
+    def __init__(self, *groups: str, stop: str = "", acts: str = "", end: str = "") -> None:
         names = "abcd"
         more = "".join(f'<VariableDeclaration name="{name}" variableType="double" value="0"/>' for name in names)
-        text = story({"Ego": ""}, *groups, stop=stop, more=f"<VariableDeclarations>{more}</VariableDeclarations>")
-        self.board = Storyboard(read_story(StoryText("s.xosc", text.encode())).storyboard, A_FRAME)
+        more = f"<VariableDeclarations>{more}</VariableDeclarations>"
+        text = story({"Ego": ""}, *groups, stop=stop, more=more, end=end).replace("</Story>", f"{acts}</Story>")
+        told = read_story(StoryText("s.xosc", text.encode()))
+        self.board = Storyboard(told.storyboard, A_FRAME, told.evaluation)
+        self.figure = math.nan
         self.on: set[str] = set()
         self.going: set[int] = set()
         self.frame = 0
@@ -36,7 +39,7 @@ class Stage:
         item = condition.part().part()
         if item.kind == "StoryboardElementStateCondition":
             return self.board.seen("Event", item["storyboardElementRef"], item["state"]), math.nan
-        return item["variableRef"] in self.on, math.nan
+        return item["variableRef"] in self.on, self.figure
 
     def begin(self, number: int) -> None:
         self.going.add(number)
@@ -205,3 +208,124 @@ def test_a_state_of_another_story_does_not_fit() -> None:
     wrong = one.board.fresh()
     wrong.states[0] = 7
     assert not one.board.fits(wrong)
+
+
+def second_act(*groups: str, start: str = "", stop: str = "") -> str:
+    triggers = (trigger(start) if start else "") + (trigger(stop, tag="StopTrigger") if stop else "")
+    return f'<Act name="second">{"".join(groups)}{triggers}</Act>'
+
+
+def test_act_waits_for_its_trigger_and_its_conditions_see_the_transitions_of_their_first_frame_alone() -> None:
+    late = group("Ego", event("late", speed(1), waits("startTransition")), name="other")
+    stage = Stage(group("Ego", event("e", speed(1), probe("a"))), acts=second_act(late, start=probe("b")))
+    stage.step()
+    assert stage.state("second", "Act") is State.STANDBY
+    stage.step("a")
+    assert stage.state("second", "Act") is State.STANDBY
+    stage.step("b", num=3)
+    assert (stage.state("e"), stage.state("second", "Act"), stage.count("late")) == (State.RUNNING, State.RUNNING, 0)
+    both = Stage(group("Ego", event("e", speed(1), probe("a"))), acts=second_act(late, start=probe("b")))
+    both.step()
+    both.step("a", "b")
+    assert (both.count("e"), both.count("late")) == (1, 1)
+
+
+def test_stop_trigger_of_an_act_stops_what_runs_in_it_and_that_alone() -> None:
+    events = (event("runs", speed(1), probe("a"), count=3), event("waits", speed(1), probe("b")))
+    stage = Stage(group("Ego"), acts=second_act(group("Ego", *events, name="own"), start=probe("a"), stop=probe("c")))
+    stage.step("a", num=2)
+    assert (stage.state("runs"), len(stage.going)) == (State.RUNNING, 1)
+    stage.step("c")
+    assert [stage.state(name) for name in ("runs", "waits")] == [State.COMPLETE] * 2
+    assert [stage.state("second", "Act"), stage.state("own", "ManeuverGroup")] == [State.COMPLETE] * 2
+    assert not stage.going
+    changes = {name: stage.board.state.changes[stage.board.find("Event", name)[0]] for name in ("runs", "waits")}
+    assert changes == {"runs": Transition.STOP, "waits": Transition.NONE}
+    stage.step("a", "b", num=3)
+    assert not stage.going
+
+
+def test_event_that_another_one_overrides_may_start_again() -> None:
+    first = event("one", speed(1), probe("a"), count=2)
+    second = event("two", speed(2), probe("b"), priority="override")
+    stage = Stage(group("Ego", first, second, event("seen", speed(3), waits("stopTransition", "one"))))
+    stage.step("a")
+    stage.step("b")
+    assert (stage.state("one"), stage.state("two"), stage.count("seen")) == (State.STANDBY, State.RUNNING, 1)
+    (number,) = stage.board.find("Action", "one action")
+    assert stage.board.state.changes[number] == Transition.STOP
+    stage.step("a")
+    assert (stage.state("one"), stage.count("one")) == (State.RUNNING, 2)
+    assert (stage.board.state.states[number], stage.board.state.changes[number]) == (State.RUNNING, Transition.START)
+
+
+def test_group_that_begins_again_counts_the_executions_of_its_events_anew() -> None:
+    stage, starts = Stage(group("Ego", event("e", speed(1), probe("a"), count=2), count=2)), 0
+    for _ in range(20):
+        stage.step("a")
+        starts += len(stage.going)
+        stage.going.clear()
+    assert starts == 4
+
+
+def groups(*conditions: str, kind: str = "Success") -> str:
+    return f"<{kind}ConditionGroup>{''.join(conditions)}</{kind}ConditionGroup>"
+
+
+def test_verdict_is_that_of_the_first_group_whose_conditions_all_hold() -> None:
+    end = groups() + groups(probe("a"), probe("b")) + groups(probe("c"), kind="Failure") + groups(probe("d"))
+    stage = Stage(end=f"<Evaluation>{end}</Evaluation>")
+    stage.step(num=2)
+    stage.step("a")
+    assert stage.board.verdict() == StoryVerdict("undecided")
+    stage.figure = 1.25
+    stage.step("a", "b")
+    found = stage.board.verdict()
+    assert (found.result, found.group, found.time) == ("success", "SuccessConditionGroup 2", 3 * A_FRAME)
+    assert found.reason.endswith(": VariableCondition 'c' (1.25) and VariableCondition 'c' (1.25)")
+    stage.step("c")
+    assert stage.board.verdict() == found
+    assert Stage().board.verdict() == StoryVerdict("")
+
+
+def test_failure_comes_before_success_in_a_frame_with_both() -> None:
+    end = groups(probe("a")) + groups(probe("b"), kind="Failure") + groups(probe("a"), kind="Failure")
+    stage = Stage(end=f"<Evaluation>{end}</Evaluation>")
+    stage.step("a")
+    found = stage.board.verdict()
+    assert (found.result, found.group, found.reason[-25:]) == (
+        "failure",
+        "FailureConditionGroup 2",
+        "VariableCondition 'c' (0)",
+    )
+
+
+def test_figures_of_conditions_are_0_before_the_first_look_and_where_there_is_none() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a"))))
+    assert stage.board.fresh().figures == [0.0]
+    stage.step()
+    assert stage.board.state.figures == [0.0]
+    stage.figure = -2.5
+    stage.step()
+    assert stage.board.state.figures == [-2.5]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("verdict_group", 1),
+        ("verdict_group", -2),
+        ("verdict_frame", -1),
+        ("looks", []),
+        ("marks", []),
+        ("changes", [9] * 9),
+    ],
+)
+def test_state_that_no_machine_has_does_not_fit(key: str, value: object) -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a"))), end=f"<Evaluation>{groups(probe('b'))}</Evaluation>")
+    state = stage.board.fresh()
+    assert stage.board.fits(state)
+    state.verdict_group, state.verdict_frame = 0, 7
+    assert stage.board.fits(state)
+    setattr(state, key, value)
+    assert not stage.board.fits(state)
