@@ -125,7 +125,8 @@ def _nearest_ends(
     there = {pair: apart(pair) for pair in turned if all(rows[end[:3]] for end in pair)}
     named = there.get(ends, math.inf)
     passed = [pair for pair, gap in there.items() if gap < TORN and gap <= named and _leads_on(pieces, rows, pair)]
-    return ends if ends in passed else min(passed, key=lambda pair: there[pair], default=ends)
+    # Where vehicles pass at the named ends, they do not with the other end of one road.
+    return min(passed, key=lambda pair: there[pair], default=ends)
 
 
 def _leads_on(pieces: Sequence[LanePiece], rows: _Rows, ends: tuple[LaneEnd, LaneEnd]) -> bool:

@@ -206,6 +206,7 @@ def widths(*figures: float) -> str:
         (road(more=heights(0.1)), 200),  # no step is shorter than half a metre
         (road(more=heights(-0.0011, 1e-5)), 69),  # from -0.0011 to +0.0019
         (road(sections=widths(0.6, -0.002, 0.0, 0.0)), 200),  # it becomes narrow
+        (road(sections=section([lane(0), lane(-1), lane(-2, width='<width a="0.6" b="-0.002"/>')])), 200),
         (road(sections=widths(0.7, -0.0015, 0.0, 0.0)), 20),
         (road(sections=widths(0.2, 0.0, 0.0, 0.0)), 20),  # narrow all along: there is no place to find
         (road(more='<lateralProfile><superelevation s="0" a="0.1" b="0" c="0" d="0"/></lateralProfile>'), 200),
@@ -293,6 +294,11 @@ def test_records_of_lanes_on_a_turned_road_have_the_figures_of_a_straight_one(ru
     assert found["r.0.-3.1"].aside.round(9).tolist() == [-8.75] * len(found["r.0.-3.1"].s)
 
 
+def test_piece_of_a_lane_that_has_no_width_yet_is_left_out_and_those_behind_it_are_not() -> None:
+    found = pieces_of(road(sections=section([lane(0), lane(-1, width=OPENING), lane(-2)])), 4.0)
+    assert {name: one.s[0] for name, one in found.items()} == {"1.0.-1.1": 5.0, "1.0.-2": 0.0, "1.0.-2.1": 4.0}
+
+
 def test_edges_of_lanes_in_a_bend_are_half_a_width_away() -> None:
     arc = geometry('<arc curvature="0.02"/>', hdg=1.0)
     for one in pieces_of(road(plan=arc, sections=section([lane(1), lane(0), lane(-1)]))).values():
@@ -364,6 +370,8 @@ def test_middle_of_a_lane_is_found_by_its_road_and_distance() -> None:
     assert [frames.middle("1", s, 1) for s in (-0.6, -0.4, 59.9, 60.0)] == [None, 2.0, 0.5 + 0.5 * 7.99, None]
     assert [frames.middle("1", s, -1) for s in (60.0, 100.4, 100.6)] == [-1.25, -1.25, None]
     assert frames.middle("2", 30.0, 0) is None
+    less = record(road(sections=section([lane(0), lane(-1, width='<width a="-1"/>'), lane(-2)])))
+    assert RoadLayouts({"1": less}).middle("1", 30.0, -2) == -1.75
     assert [frames.is_forward(name, lane_id) for name in ("1", "left") for lane_id in (1, -1)] == [
         *(False, True),
         *(True, False),

@@ -283,6 +283,45 @@ def test_joins_are_told_from_the_widest_gap_and_five_of_them_by_name() -> None:
     assert follows(torn) == {}
 
 
+def test_roads_are_joined_by_the_outer_pieces_of_lanes_that_are_cut() -> None:
+    lanes = section([lane(1, link(1, 1)), lane(0), lane(-1, link(-1, -1) + '<speed sOffset="50" max="5"/>')])
+    ends = joined("predecessor", "road", "1", "end") + joined("successor", "road", "3")
+    outer = [road(name, plan=geometry(x=x), sections=BOTH) for name, x in (("1", -100.0), ("3", 100.0))]
+    assert follows(read(*outer, road("2", sections=lanes, links=ends))) == {
+        "1.0.-1": ["2.0.-1"],
+        "2.0.-1": ["2.0.-1.1"],
+        "2.0.-1.1": ["3.0.-1"],
+        "3.0.1": ["2.0.1.1"],
+        "2.0.1.1": ["2.0.1"],
+        "2.0.1": ["1.0.1"],
+    }
+
+
+def test_lane_that_begins_between_two_follows_both() -> None:
+    both = '<link><predecessor id="-1"/><predecessor id="-2"/></link>'
+    parts = section([lane(0), lane(-1), lane(-2)]) + section([lane(0), lane(-1, both)], 50.0)
+    assert follows(read(road(sections=parts))) == {"1.0.-1": ["1.1.-1"], "1.0.-2": ["1.1.-1"]}
+
+
+@pytest.mark.parametrize(("contact", "end"), [("start", "end"), ("end", "start"), ("start", "start")])
+def test_connecting_road_tells_which_end_of_a_road_it_joins_where_both_are_at_the_junction(
+    contact: str, end: str
+) -> None:
+    """Road 1 begins and ends at the junction; the connection is recorded there, and not by a lane."""
+    is_end, is_start = end == "end", contact == "start"
+    one = road("1", links=joined("predecessor", "junction", "9") + joined("successor", "junction", "9"), sections=BOTH)
+    x, heading = (100.0 if is_end else 0.0), (0.0 if is_end == is_start else math.pi)
+    x, heading = (x, heading) if is_start else (x + 20.0 * (1 if is_end else -1), heading)
+    lanes = section([lane(1), lane(0), lane(-1)])
+    plan = geometry(length=20.0, x=x, hdg=heading)
+    tag = "predecessor" if is_start else "successor"
+    own = road("5", plan=plan, length=20.0, junction="9", sections=lanes, links=joined(tag, "road", "1", end))
+    from_lane = -1 if is_end else 1
+    to_lane = -1 if is_start else 1
+    road_map = read(one, own, junction(connection("1", "5", {from_lane: to_lane}, contact)))
+    assert follows(road_map) == {f"1.0.{from_lane}": [f"5.0.{to_lane}"]}
+
+
 # Cuts
 
 
@@ -298,7 +337,7 @@ def marks(*kinds: str) -> str:
 def test_section_is_cut_where_a_change_of_lanes_becomes_another_on_either_side() -> None:
     kinds = ("broken", "solid broken", "solid", "solid solid", "broken solid", "broken", "broken broken")
     assert cuts_of(lane(0), lane(-1, marks(*kinds)), lane(-2)) == [30.0, 50.0, 90.0, 110.0]
-    assert cuts_of(lane(2), lane(1, marks("solid", "broken")), lane(0)) == [30.0]
+    assert cuts_of(lane(2), lane(1, marks("solid", "broken")), lane(0, kind="none")) == [30.0]
 
 
 def test_lines_at_the_edges_of_the_roadway_cut_nothing() -> None:

@@ -414,6 +414,7 @@ def test_pedestrians_do_not_walk_while_those_who_cross_their_way_have_green() ->
     both = crossing({"W": on_road(signal("TW", 98.0), walk)})
     assert [names for _, names in shown(both)] == ["TW", "", "P", ""]
     assert [seconds for seconds, _ in shown(both)][2] == pytest.approx(7.0 + 7.0 / 1.07, abs=0.02)
+    assert [frames > 0 for frames in both.plan.controllers[0].yellow] == [True, False]
     alone = crossing({"W": on_road(walk)})
     assert [(round(seconds, 1), names) for seconds, names in shown(alone)] == [(13.5, "P"), (10.0, "")]
 
@@ -456,3 +457,4 @@ def test_times_of_lights_follow_the_limits_and_the_size_of_the_junction() -> Non
     assert times(20.0, 40.0) == (4.3, 2.4)
     assert times(40.0, 20.0) == (6.0, 1.0)
     assert times(5.0, 40.0) == (3.0, 6.0)
+    assert times(0.5, 40.0) == (3.0, 6.0)
