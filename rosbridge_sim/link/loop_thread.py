@@ -8,7 +8,7 @@ import concurrent.futures
 import threading
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -17,23 +17,16 @@ class LoopStoppedError(RuntimeError):
     """A call of a loop that has been stopped."""
 
 
-class LoopCall(Generic[T]):
-    """A coroutine for the loop, and the thread that waits for its result.
+class LoopCall(concurrent.futures.Future[T]):
+    """A coroutine for the loop, for whose result a thread waits.
 
     It costs less than `asyncio.run_coroutine_threadsafe`, which passes the result through two futures and another round
     of the loop.
-
-    Attributes:
-        is_done: the coroutine has ended.
     """
 
     def __init__(self, work: Coroutine[Any, Any, T]) -> None:
-        self.is_done = False
+        super().__init__()
         self._work = work
-        self._end = threading.Lock()
-        self._end.acquire()
-        self._results: list[T] = []
-        self._error: BaseException | None = None
         self._task: asyncio.Task[None] | None = None
 
     def start(self) -> None:
@@ -41,35 +34,21 @@ class LoopCall(Generic[T]):
         self._task = asyncio.get_running_loop().create_task(self._carry_out())
         self._task.add_done_callback(self._note_end)
 
-    def cancel(self) -> None:
+    def interrupt(self) -> None:
         """Cancel the coroutine; called in the loop."""
         if self._task is not None:
             self._task.cancel()
 
     async def _carry_out(self) -> None:
         try:
-            self._results.append(await self._work)
+            self.set_result(await self._work)
         except BaseException as error:  # noqa: BLE001 - for the thread that waits
-            self._error = error
-        self._release()
+            self.set_exception(error)
 
     def _note_end(self, _task: asyncio.Task[None]) -> None:
-        if not self.is_done:  # cancelled before its first step
+        if not self.done():  # cancelled before its first step
             self._work.close()
-            self._error = asyncio.CancelledError()
-            self._release()
-
-    def _release(self) -> None:
-        self.is_done = True
-        self._end.release()
-
-    def result(self) -> T:
-        """Wait for the end of the coroutine; return its result, or raise its error."""
-        self._end.acquire()
-        if self._error is not None:
-            error, self._error = self._error, None  # else its traceback would hold it in a cycle
-            raise error
-        return self._results[0]
+            self.set_exception(asyncio.CancelledError())
 
 
 class LoopThread:
@@ -135,9 +114,9 @@ class LoopThread:
         except asyncio.CancelledError:
             raise LoopStoppedError(f"{name}: the loop was stopped meanwhile") from None
         except BaseException:
-            if not call.is_done:  # the caller was interrupted
+            if not call.done():  # the caller was interrupted
                 with suppress(RuntimeError):  # the loop is closed
-                    self._loop.call_soon_threadsafe(call.cancel)
+                    self._loop.call_soon_threadsafe(call.interrupt)
             raise
 
     def call(self, function: Callable[[], T]) -> T:

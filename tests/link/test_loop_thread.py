@@ -64,12 +64,12 @@ def test_stop_cancels_what_still_runs_and_twice_is_no_error(thread: LoopThread) 
 def test_call_that_is_cancelled_before_its_first_step_ends_too() -> None:
     async def cancel(call: LoopCall[object]) -> None:
         call.start()
-        call.cancel()
+        call.interrupt()
         await asyncio.wait(asyncio.all_tasks() - {asyncio.current_task()})
 
     call = LoopCall(echo(3))
     asyncio.run(cancel(call))
-    assert call.is_done
+    assert call.done()
     with pytest.raises(asyncio.CancelledError):
         call.result()
 
