@@ -18,7 +18,7 @@ import re
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from itertools import islice
-from typing import Any
+from typing import Any, get_args, get_origin
 
 import msgspec
 
@@ -76,40 +76,22 @@ _SPACE, _BYTE_SPACE = re.compile(r"[ \t\r\n]*"), re.compile(rb"[ \t\r\n]*")
 _ID = re.compile(r'"id"\s*:\s*(?:"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"|(-?[0-9]{1,15})(?=\s*[,}]))')
 _BODIES = frozenset(name for op in OPS.values() for name in op.bodies)
 
-_CLASSES: dict[str, tuple[type, ...]] = {
-    "topic": (str,),
-    "type": (str,),
-    "service": (str,),
-    "level": (str,),
-    "msg": (str,),
-    "compression": (str,),
-    "latch": (bool,),
-    "result": (bool,),
-    "reason": (str,),
-    "throttle_rate": (int, float),
-    "queue_length": (int, float),
-    "fragment_size": (int, float),
-    "timeout": (int, float),
-    "id": (str, int, float, bool),
-    "action": (str,),
-    "action_type": (str,),
-    "feedback": (bool,),
-    "status": (int,),
-    "data": (str,),
-    "token": (str,),
-    "num": (int, float),
-    "total": (int, float),
-    "qos": (dict,),
-}
-"""Allowed Python classes of each field, in any op; `schema/` checks message bodies."""
 
-_ID_CLASSES: dict[str, tuple[type, ...]] = {
-    "fragment": (str, int, float),
-    "cancel_action_goal": (str,),
-    "action_feedback": (str,),
-    "action_result": (str,),
+def _classes_of(kind: Any) -> tuple[type, ...]:  # noqa: ANN401 - a type form
+    """Return the Python classes of the values of a field; a field for a number takes integers, too."""
+    classes = tuple(get_origin(each) or each for each in get_args(kind) or (kind,) if each is not type(None))
+    return (int, float) if classes == (float,) else classes
+
+
+_CLASSES: dict[tuple[str, str], tuple[type, ...]] = {
+    (name, field.name): _classes_of(field.type)
+    for name, op in OPS.items()
+    for field in msgspec.structs.fields(op)
+    if field.name not in op.bodies
 }
-"""Ops whose id has fewer allowed classes than usual."""
+"""Allowed Python classes of the fields of each op; `schema/` checks message bodies."""
+
+_FIELDS = frozenset({"op", *(field for _, field in _CLASSES)})
 
 
 def decode_quickly(frame: bytes | memoryview) -> Op | None:
@@ -332,7 +314,7 @@ def _outline(part: memoryview) -> dict[str, Any]:
     for name, value in fields.items():
         if name in _BODIES:
             outline[name] = value
-        elif name in _CLASSES or name == "op":
+        elif name in _FIELDS:
             text = bytes(value)
             if len(text) >= LONG and name != "data":  # a fragment may be long, and may end in half a surrogate pair
                 raise FrameError(f"Expected less than {LONG:,} bytes in field {name}, but got {len(text):,}")
@@ -474,7 +456,7 @@ _MAX_LOOKED_AT = 100
 
 
 def _checked(given: JsonValue, op: str, field: str, op_id: object) -> JsonValue:
-    classes = _ID_CLASSES.get(op, _CLASSES["id"]) if field == "id" else _CLASSES[field]
+    classes = _CLASSES[op, field]
     # in Python, True is an int; rosbridge_suite accepts it, this server does not
     if not isinstance(given, classes) or (isinstance(given, bool) and bool not in classes):
         raise FrameError(
