@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.compile import compile_message
@@ -25,7 +25,7 @@ from rosbridge_sim.schema.definitions.names import (
     spelled,
     split_name,
 )
-from rosbridge_sim.schema.definitions.parse import Definition, Field, parse_action, parse_message, parse_service
+from rosbridge_sim.schema.definitions.parse import SUFFIXES, Definition, Field, parse_message, parse_parts
 from rosbridge_sim.schema.definitions.standard import (
     PACKAGES,
     WITHOUT_SERVICES,
@@ -49,9 +49,6 @@ _OF_ACTIONS = _ACTIONLIB_MESSAGES | {FEEDBACK_MESSAGE: "unique_identifier_msgs/U
 """The same, and those of ROS 2 that have a topic here."""
 
 T = TypeVar("T")
-
-_PARTS = ("Goal", "Result", "Feedback")
-"""The messages that the text of an action itself defines."""
 
 
 class Store:
@@ -93,8 +90,7 @@ class Store:
         )
         self._packages = {package for package, _, _ in self._texts}
         self._definitions: dict[str, Definition] = {}
-        self._service_definitions: dict[str, tuple[Definition, Definition]] = {}
-        self._parts: dict[str, tuple[Definition, Definition, Definition]] = {}
+        self._known_parts: dict[tuple[str, str], tuple[Definition, ...]] = {}
         self._specs: dict[tuple[str, str], MessageSpec] = {}  # by kind and name
         self._messages: dict[str, MessageType] = {}
         self._services: dict[str, ServiceType] = {}
@@ -149,8 +145,8 @@ class Store:
         if kind == "msg":
             own.update(standard_names(self.ros))
             if self.ros == 1:
-                actions = [f"{package}/{name}" for package, k, name in self._texts if k == "action"]
-                own.update(action + suffix for action in actions for suffix in (*_ACTIONLIB_MESSAGES, *_PARTS))
+                suffixes = (*_ACTIONLIB_MESSAGES, *SUFFIXES["action"])
+                own.update(action + suffix for action in self.names("action") for suffix in suffixes)
         return sorted(own)
 
     def has(self, name: str, kind: DefinitionKind) -> bool:
@@ -246,12 +242,10 @@ class Store:
         """
         own = [name for name in self.names("msg") if name.partition("/")[0] == package]
         found = [self._definition(name) for name in own]
-        for name in self.names("srv"):
-            if name.partition("/")[0] == package:
-                found += self._service_parts(name)
-        for name in self.names("action"):
-            if name.partition("/")[0] == package:
-                found += self._action_parts(name) or ()
+        for kind in SUFFIXES:
+            for name in self.names(kind):
+                if name.partition("/")[0] == package:
+                    found += self._parts(kind, name)
         return found
 
     # Search for types
@@ -295,50 +289,41 @@ class Store:
             if (package, "srv", short) not in self._texts:
                 raise self._unknown(package, name, "srv", "service")
             request, response = (
-                self._type("srv", name + part, partial(self._service_part, name, i))
-                for i, part in enumerate(("Request", "Response"))
+                self._type("srv", name + suffix, partial(self._part, "srv", name, i))
+                for i, suffix in enumerate(SUFFIXES["srv"])
             )
             compiled = self._services[name] = ServiceType(name, request, response)
         return compiled
 
-    def _service_parts(self, name: str) -> tuple[Definition, Definition]:
-        """Return request and response of a service that has a text."""
-        known = self._service_definitions.get(name)
-        if known is None:
-            package, _, short = name.partition("/")
-            text = self._texts[package, "srv", short]
-            known = parse_service(name, text, f"{package}/srv/{short}.srv", self.ros)
-            self._service_definitions[name] = known
-        return known
-
-    def _service_part(self, name: str, i: int) -> Definition:
-        return self._service_parts(name)[i]
-
     def _action(self, name: str) -> ActionType:
-        if name in self._actions:
-            return self._actions[name]
-        parts = self._action_parts(name)
-        if parts is None:
-            raise self._unknown(name.partition("/")[0], name, "action", "action")
-        goal, result, feedback = (
-            self._message(part.name)
-            if self._definition(part.name) is part
-            else self._type("action", part.name, partial(_itself, part))
-            for part in parts
-        )
-        self._actions[name] = ActionType(name, goal, result, feedback)
-        return self._actions[name]
+        compiled = self._actions.get(name)
+        if compiled is None:
+            parts = self._parts("action", name)
+            if not parts:
+                raise self._unknown(name.partition("/")[0], name, "action", "action")
+            goal, result, feedback = (
+                self._message(part.name)
+                if self._definition(part.name) is part
+                else self._type("action", part.name, partial(self._part, "action", name, i))
+                for i, part in enumerate(parts)
+            )
+            compiled = self._actions[name] = ActionType(name, goal, result, feedback)
+        return compiled
 
-    def _action_parts(self, name: str) -> tuple[Definition, Definition, Definition] | None:
-        """Return goal, result and feedback of an action; None if it has no text."""
-        known = self._parts.get(name)
+    def _parts(self, kind: Literal["srv", "action"], name: str) -> tuple[Definition, ...]:
+        """Return the messages in the text of a service or an action; none if it has no text."""
+        known = self._known_parts.get((kind, name))
         if known is None:
             package, _, short = name.partition("/")
-            text = self._texts.get((package, "action", short))
+            text = self._texts.get((package, kind, short))
             if text is None:
-                return None
-            known = self._parts[name] = parse_action(name, text, f"{package}/action/{short}.action", self.ros)
+                return ()
+            known = parse_parts(kind, name, text, f"{package}/{kind}/{short}.{kind}", self.ros)
+            self._known_parts[kind, name] = known
         return known
+
+    def _part(self, kind: Literal["srv", "action"], name: str, i: int) -> Definition:
+        return self._parts(kind, name)[i]
 
     def _type(self, kind: DefinitionKind, name: str, find: Callable[[], Definition]) -> MessageType:
         """Return a message type, compiled now or late.
@@ -398,13 +383,12 @@ class Store:
         """Return a message that ROS generates from the text of an action; None if there is no such text."""
         for suffix, text in _OF_ACTIONS.items():
             action = name.removesuffix(suffix)
-            if action != name and self._action_parts(action) is not None:
+            if action != name and self._parts("action", action):
                 source = f"{action.replace('/', '/action/')}.action"
                 return parse_message(name, text.format(name=action), source, self.ros)
-        for i, suffix in enumerate(_PARTS):
+        for i, suffix in enumerate(SUFFIXES["action"]):
             action = name.removesuffix(suffix)
-            parts = self._action_parts(action) if action != name else None
-            if parts is not None:
+            if action != name and (parts := self._parts("action", action)):
                 return parts[i]
         return None
 
@@ -421,10 +405,6 @@ class Store:
             f"Unable to import {package}.{kind} from package {package}. Caused by: no folder of definitions has it"
             f"{self.near_package(name)}"
         )
-
-
-def _itself(definition: Definition) -> Definition:
-    return definition
 
 
 def _joined(

@@ -11,8 +11,10 @@ from __future__ import annotations
 import ast
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import NoReturn
+from functools import partial
+from typing import Final, Literal, NoReturn
 
 from rosbridge_sim.errors import DefinitionError
 from rosbridge_sim.records import Record
@@ -155,53 +157,41 @@ def parse_message(name: str, text: str, source: str | None = None, ros: Generati
     return _parse(name, text, source or name, 1, ros)
 
 
-def parse_service(
-    name: str, text: str, source: str | None = None, ros: Generation = 1
-) -> tuple[Definition, Definition]:
-    """Return the request `<name>Request` and the response `<name>Response` of a .srv text; see `parse_message`.
+SUFFIXES: Final[Mapping[Literal["srv", "action"], tuple[str, ...]]] = {
+    "srv": ("Request", "Response"),
+    "action": ("Goal", "Result", "Feedback"),
+}
+"""Ends of the names of the messages in the text of a service or of an action."""
+
+
+def parse_parts(
+    kind: Literal["srv", "action"], name: str, text: str, source: str | None = None, ros: Generation = 1
+) -> tuple[Definition, ...]:
+    """Return the definitions in a .srv or .action text, named by `SUFFIXES`; see `parse_message`.
 
     Raises:
-        DefinitionError: the text is wrong, or has not exactly one `---` line.
+        DefinitionError: the text is wrong, or has not as many `---` lines as the kind needs.
     """
-    request, response = _parse_parts(
-        name, text, source or name, ros, what="a service", suffixes=("Request", "Response")
-    )
-    return request, response
-
-
-def parse_action(
-    name: str, text: str, source: str | None = None, ros: Generation = 1
-) -> tuple[Definition, Definition, Definition]:
-    """Return goal `<name>Goal`, result `<name>Result` and feedback `<name>Feedback` of a .action text.
-
-    The arguments are those of `parse_message`.
-
-    Raises:
-        DefinitionError: the text is wrong, or has not exactly two `---` lines.
-    """
-    goal, result, feedback = _parse_parts(
-        name, text, source or name, ros, what="an action", suffixes=("Goal", "Result", "Feedback")
-    )
-    return goal, result, feedback
-
-
-def _parse_parts(
-    name: str, text: str, source: str, ros: Generation, *, what: str, suffixes: tuple[str, ...]
-) -> list[Definition]:
-    """Return the definitions between the `---` lines, named by the suffixes."""
+    suffixes = SUFFIXES[kind]
+    source = source or name
     lines = text.split("\n")
     borders = [i for i, line in enumerate(lines) if line.strip() == "---"]
     wanted = len(suffixes) - 1
     if len(borders) != wanted:
         line = borders[wanted] + 1 if len(borders) > wanted else len(lines)
         count = "one line" if wanted == 1 else f"{wanted} lines"
+        what = "a service" if kind == "srv" else "an action"
         raise DefinitionError(source, line, 1, f"{what} needs exactly {count} '---', found {len(borders)}")
     starts = [0, *(border + 1 for border in borders)]
     ends = [*borders, len(lines)]
-    return [
+    return tuple(
         _parse(name + suffix, "\n".join(lines[start:end]), source, start + 1, ros)
         for suffix, start, end in zip(suffixes, starts, ends, strict=True)
-    ]
+    )
+
+
+parse_service = partial(parse_parts, "srv")
+parse_action = partial(parse_parts, "action")
 
 
 def _skip_space(line: str, at: int) -> int:

@@ -29,55 +29,12 @@ PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
 WITHOUT_SERVICES: Final = frozenset({"rosbag2_interfaces"})
 """Packages whose services exist but are not in `schemas/`; they count as unknown."""
 
-_MARKER_OF_ROS2: Final = """\
-# A shape for viewers, such as RViz.
-
-int32 ARROW=0
-int32 CUBE=1
-int32 SPHERE=2
-int32 CYLINDER=3
-int32 LINE_STRIP=4
-int32 LINE_LIST=5
-int32 CUBE_LIST=6
-int32 SPHERE_LIST=7
-int32 POINTS=8
-int32 TEXT_VIEW_FACING=9
-int32 MESH_RESOURCE=10
-int32 TRIANGLE_LIST=11
-int32 ARROW_STRIP=12
-
-int32 ADD=0
-int32 MODIFY=0
-int32 DELETE=2
-int32 DELETEALL=3
-
-std_msgs/Header header
-string ns                        # namespace: `ns` and `id` together name a marker
-int32 id
-int32 type                       # the shape, ARROW to ARROW_STRIP
-int32 action                     # ADD, DELETE or DELETEALL
-geometry_msgs/Pose pose          # of the shape, in the frame of the header
-geometry_msgs/Vector3 scale      # size [m]; of lines, `x` is the width
-std_msgs/ColorRGBA color
-builtin_interfaces/Duration lifetime  # after it the viewer deletes the marker; 0 means never
-bool frame_locked                # move with the frame of the header
-geometry_msgs/Point[] points     # of lines, lists and arrows, in the frame of `pose`
-std_msgs/ColorRGBA[] colors      # one for each point; empty means `color` for all
-string texture_resource          # URI of the texture
-sensor_msgs/CompressedImage texture
-UVCoordinate[] uv_coordinates    # one for each point
-string text                      # of TEXT_VIEW_FACING
-string mesh_resource             # URI of the mesh of MESH_RESOURCE
-MeshFile mesh_file
-bool mesh_use_embedded_materials
-"""
-
 _TEXTS_OF_ROS2: Final[Mapping[str, str]] = {
     "std_msgs/Header": "# When and where a message was made.\n\n"
     "builtin_interfaces/Time stamp  # when [s, ns]\nstring frame_id                # the frame of what is in it\n",
     # rosbags leaves default values out; these are the only ones in a package of everyday
     "geometry_msgs/Quaternion": "# An orientation.\n\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
-    "visualization_msgs/Marker": _MARKER_OF_ROS2,
+    "visualization_msgs/Marker": OF_ROS2["visualization_msgs/Marker"],
     # vision_msgs 4, as in Humble and later
     "vision_msgs/BoundingBox2D": "# A box in a picture.\n\n"
     "vision_msgs/Pose2D center  # its middle, and its turn\n"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -31,7 +31,7 @@ MAX_FOLDERS = 20_000
 """Folders that are searched for packages: ten times a large workspace. It limits the search if a user gives `/`."""
 
 _KINDS = {"msg": ".msg", "srv": ".srv", "action": ".action"}
-_PARSERS = {"msg": parse_message, "srv": parse_service, "action": parse_action}
+_PARSERS: dict[str, Callable[..., object]] = {"msg": parse_message, "srv": parse_service, "action": parse_action}
 _PACKAGE_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 _MANIFEST_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 _IGNORE_MARKS = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
