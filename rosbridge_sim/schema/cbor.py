@@ -2,20 +2,21 @@
 
 The form is the one that roslib decodes: maps with the wire's field names, floats always of 64 bits (NaN and infinity
 are kept), uint8[] and char[] as byte strings, other numeric arrays as a tag over little-endian bytes. cbor2 was
-measured and not taken for this direction: it does not know numpy, wraps each array in an object, and writes NaN as a
-half float, which roslib cannot read. The few head bytes that are needed are written here.
+measured and is taken in this direction for unknown types alone: it does not know numpy, wraps each array in an object,
+and writes NaN as a half float, which roslib cannot read. The few head bytes that are needed are written here.
 """
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
+import cbor2
 import msgspec
 import numpy as np
-import numpy.typing as npt
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
@@ -44,8 +45,7 @@ _HEADS: Final = tuple(
 )
 """For each longer head: its packing function, the code of its length, and the first number that is too large."""
 
-_FLOAT: Final = struct.Struct(">Bd")
-_FALSE, _TRUE, _NULL = b"\xf4", b"\xf5", b"\xf6"
+_FALSE, _TRUE = b"\xf4", b"\xf5"
 
 
 def head(major: int, number: int) -> bytes:
@@ -75,12 +75,23 @@ def encode_plain(value: object) -> bytes:
     Raises:
         FieldError: the value holds something else.
     """
-    out: list[bytes] = []
     try:
-        _write_plain(value, out)
-    except (ValueError, RecursionError) as error:
+        data: bytes = cbor2.dumps(value, default=_write_array)
+        has_half_floats = _HALF_FLOAT.search(data) is not None
+        return cbor2.dumps(value, default=_write_array, encoders=_DOUBLES) if has_half_floats else data
+    except (cbor2.CBORError, ValueError, RecursionError) as error:
         raise FieldError(f"cannot be written as CBOR: {error}") from None
-    return b"".join(out)
+
+
+_HALF_FLOAT: Final = re.compile(rb"\xf9[\x7c\x7e\xfc]\x00")
+"""NaN or infinity as the library writes it; bytes of doubles look so, too, once in five million."""
+
+
+def _write_double(encoder: cbor2.CBOREncoder, value: float) -> None:
+    encoder.write(struct.pack(">Bd", 0xFB, value))
+
+
+_DOUBLES: Final[dict[type, Any]] = {float: _write_double}
 
 
 class CborWriters:
@@ -260,72 +271,9 @@ def _numbers(code: str, values: Any) -> bytes:  # noqa: ANN401 - a list or an ar
     return head(_BYTES, len(data)) + data
 
 
-def _write_plain(value: object, out: list[bytes]) -> None:
-    if value is None or isinstance(value, bool):
-        out.append(_NULL if value is None else _TRUE if value else _FALSE)
-    elif isinstance(value, int):
-        out.append(_INT_ITEMS[value])
-    elif isinstance(value, float):
-        out.append(_FLOAT.pack(0xFB, value))
-    elif isinstance(value, str):
-        out.append(_text(value))
-    elif isinstance(value, (bytes, bytearray, memoryview)):
-        out += (head(_BYTES, len(value)), bytes(value))
-    elif isinstance(value, dict):
-        out.append(head(_MAP, len(value)))
-        for key, item in value.items():
-            out.append(_text(key))
-            _write_plain(item, out)
-    elif isinstance(value, (list, tuple)):
-        _write_list(value, out)
-    else:
-        _write_array(value, out)
-
-
-def _write_list(values: Sequence[Any], out: list[bytes]) -> None:
-    out.append(head(_ARRAY, len(values)))
-    numbers = _plain_numbers(values) if len(values) >= _NUMPY_FROM else None
-    if numbers is not None:
-        out.append(numbers)
-        return
-    for item in values:
-        _write_plain(item, out)
-
-
-_NUMPY_FROM: Final = 64
-"""From this length on, numpy encodes a list of numbers ten times as fast as a loop."""
-
-
-def _plain_numbers(values: Sequence[Any]) -> bytes | None:
-    """Return the items of a long list of integers or of floats, all of one width; None if it holds anything else."""
-    kinds = set(map(type, values))
-    if kinds == {float}:
-        return _items(0xFB, np.array(values, ">f8"))
-    if kinds != {int}:
-        return None
-    try:
-        numbers = np.array(values, np.int64)
-    except OverflowError:  # some have 64 bits and no sign: one by one
-        return None
-    is_negative = numbers < 0
-    sizes = np.where(is_negative, -1 - numbers, numbers)
-    largest = int(sizes.max())
-    width = next(width for width in (1, 2, 4, 8) if largest < 1 << 8 * width)
-    first = {1: 24, 2: 25, 4: 26, 8: 27}[width]
-    heads = np.where(is_negative, first | _NEGATIVE << 5, first).astype(np.uint8)
-    return _items(heads, sizes.astype(f">u{width}"))
-
-
-def _items(heads: Any, numbers: npt.NDArray[Any]) -> bytes:  # noqa: ANN401 - one for all, or an array
-    """Return all numbers as bytes, each after its first byte."""
-    items = np.empty(len(numbers), np.dtype([("head", np.uint8), ("number", numbers.dtype)]))
-    items["head"] = heads
-    items["number"] = numbers
-    return items.tobytes()
-
-
-def _write_array(value: object, out: list[bytes]) -> None:
+def _write_array(encoder: cbor2.CBOREncoder, value: object) -> None:
+    """Write a typed array, as a hook of cbor2."""
     if not isinstance(value, np.ndarray):
         raise ValueError(f"{type(value)} is no JSON")  # noqa: TRY004 - as what else cannot be written
     code = _DTYPE_CODES[value.dtype.kind + str(value.dtype.itemsize)]
-    out += (head(_TAG, _ARRAY_TAGS[code]), _numbers(code, value))
+    encoder.encode(cbor2.CBORTag(_ARRAY_TAGS[code], pack_numbers(code, value)))
