@@ -35,8 +35,6 @@ class Agenda:
             client changes nothing.
     """
 
-    __slots__ = ("first", "is_touched")
-
     def __init__(self) -> None:
         self.first = -math.inf
         self.is_touched = True

@@ -147,8 +147,6 @@ class _Partial:
 class Defragmenter:
     """The unfinished fragmented messages of one client."""
 
-    __slots__ = ("_account", "_max_bytes", "_partials")
-
     def __init__(self, max_bytes: int, account: Account | None = None) -> None:
         """Create one without messages.
 

@@ -83,23 +83,6 @@ class Outbox:
             dropped.
     """
 
-    __slots__ = (
-        "_begun",
-        "_flush",
-        "_frames",
-        "_is_relieving",
-        "_limits",
-        "_num_late",
-        "_relieve_at",
-        "_schedule_flush",
-        "_trim_at",
-        "bursts",
-        "dropped",
-        "is_overfull",
-        "num_bytes",
-        "on_unmade",
-    )
-
     def __init__(self, limits: OutboxLimits, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
         """Create an empty outbox.
 

@@ -177,19 +177,6 @@ class PngFrame:
         num_bytes: length of the text [bytes]; the image is at most about as long.
     """
 
-    __slots__ = (
-        "_done",
-        "_encoder",
-        "_failure",
-        "_header",
-        "_height",
-        "_line",
-        "_position",
-        "_text",
-        "frame",
-        "num_bytes",
-    )
-
     def __init__(self, text: bytes) -> None:
         """Keep the text; `work` makes the image.
 
@@ -254,8 +241,6 @@ class PictureFrames:
         num_bytes: memory held until then [bytes].
         is_finished: it was taken.
     """
-
-    __slots__ = ("_picture", "is_finished", "num_bytes")
 
     def __init__(self, picture: PngFrame) -> None:
         self._picture = picture

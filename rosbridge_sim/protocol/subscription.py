@@ -336,19 +336,6 @@ class Feed:
         ids: options of each subscription.
     """
 
-    __slots__ = (
-        "_head",
-        "_is_free",
-        "_is_plain",
-        "_is_warned",
-        "_merged",
-        "_options",
-        "_wire",
-        "ids",
-        "spelling",
-        "throttle",
-    )
-
     def __init__(self, wire: FeedWire, spelling: str) -> None:
         self.spelling = spelling
         self.throttle: Throttle[Encoded] = Throttle(wire.account, _size_of)

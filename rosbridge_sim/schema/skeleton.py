@@ -30,8 +30,6 @@ _List = tuple[str, int, "_Plan | None"]
 class _Plan:
     """The lists of messages of a type, and how they are counted; a flat plan passes over those in elements."""
 
-    __slots__ = ("inner", "lists", "struct_type")
-
     def __init__(self, spec: MessageSpec, *, is_flat: bool = False) -> None:
         self.lists: list[_List] = []
         self.inner: list[tuple[str, _Plan]] = []
@@ -95,8 +93,6 @@ def _cost_of(spec: MessageSpec) -> int:
 
 class Skeleton:
     """The cost of the bodies of one type."""
-
-    __slots__ = ("_counts",)
 
     def __init__(self, spec: MessageSpec) -> None:
         """Prepare the counting."""

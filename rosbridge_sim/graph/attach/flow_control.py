@@ -158,35 +158,6 @@ class FlowControl:
         round_trip: the last measured round trip of a probe [s]; None before the first.
     """
 
-    __slots__ = (
-        "_confirmed_at",
-        "_cost",
-        "_drain_after",
-        "_drain_at",
-        "_due",
-        "_frames",
-        "_last_age",
-        "_last_probe",
-        "_longest_age",
-        "_num_open",
-        "_num_probes",
-        "_num_refusals",
-        "_ordered",
-        "_other_latency",
-        "_patience",
-        "_probes",
-        "_rest_until",
-        "_sum_cost",
-        "_sum_frames",
-        "_sum_time",
-        "_wait",
-        "_wants_room",
-        "is_late",
-        "is_on",
-        "latency",
-        "round_trip",
-    )
-
     def __init__(self, other_latency: Callable[[], float] | None = None) -> None:
         """Begin without probes.
 

@@ -42,8 +42,6 @@ class FreshMessages:
         dropped: topic -> number of messages that a newer one has replaced.
     """
 
-    __slots__ = ("_all", "_max_bytes", "_newest", "_num_bytes", "_round", "dropped", "is_behind", "num_offered")
-
     def __init__(self, max_bytes: int) -> None:
         """Begin without messages.
 

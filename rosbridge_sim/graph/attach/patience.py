@@ -32,8 +32,6 @@ class Patience:
         has_refusal: a call was refused, so the far side does answer calls.
     """
 
-    __slots__ = ("_per_frame", "_round_trips", "has_answer", "has_refusal")
-
     def __init__(self) -> None:
         self.has_answer = self.has_refusal = False
         self._round_trips: deque[float] = deque(maxlen=MEMORY)

@@ -31,8 +31,6 @@ class PendingWork(Generic[W]):
         num_given: number of calls or goals so far.
     """
 
-    __slots__ = ("_by_id", "_prefix", "_tidy_at", "num_given")
-
     def __init__(self, prefix: str, spelling: str) -> None:
         """Create an empty list.
 

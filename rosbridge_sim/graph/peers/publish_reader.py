@@ -57,8 +57,6 @@ class _ReadPublish(msgspec.Struct, frozen=True, tag_field="topic", kw_only=True)
 class PublishReader:
     """The reader of one client's frames."""
 
-    __slots__ = ("_decode", "_has_limits", "_kinds", "_num_left", "_publications", "_session", "_state")
-
     _decode: Callable[[bytes], Any]  # set by `_learn`, before the session gets this reader
 
     def __init__(self, publications: Mapping[str, Topic], state: BusState, session: Session) -> None:

@@ -36,8 +36,6 @@ class _Slot:
         signature: signature of its files; None if nothing is stored.
     """
 
-    __slots__ = ("document", "lock", "signature")
-
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.signature: _Signature | None = None

@@ -160,8 +160,6 @@ def own_names(hostname: str) -> frozenset[str]:
 class RefusedOrigins:
     """Refused origins, so that each gets only one warning. It stores MAX_REFUSED_ORIGINS of them."""
 
-    __slots__ = ("_known",)
-
     def __init__(self) -> None:
         self._known: set[str] = set()
 
