@@ -4,12 +4,14 @@
 `mock_plan.py` compiles them, because their fields are those of message types.
 """
 
+# ruff: noqa: RUF012 - each object gets its own copy of an empty default
+
 from __future__ import annotations
 
 import re
 from typing import Annotated, Any, Final, Literal
 
-from msgspec import Meta, field
+from msgspec import Meta
 
 from rosbridge_sim.documents.document_model import DocumentType, KeptAsWritten, Mistake, Table, about
 from rosbridge_sim.documents.document_reading import check_values, document_schema
@@ -157,9 +159,7 @@ class MockService(Table, frozen=True, kw_only=True):
     """A service that the mock offers."""
 
     type: _TypeName
-    answers: Annotated[list[MockAnswer], about("none: a response of defaults, at once", max_length=100)] = field(
-        default_factory=list
-    )
+    answers: Annotated[list[MockAnswer], about("none: a response of defaults, at once", max_length=100)] = []
 
 
 class MockGoal(Table, frozen=True, kw_only=True):
@@ -179,7 +179,7 @@ class MockAction(Table, frozen=True, kw_only=True):
     type: _TypeName
     goals: Annotated[
         list[MockGoal], about("none: success after a second, with a result of defaults", max_length=100)
-    ] = field(default_factory=list)
+    ] = []
 
 
 class MockTransform(Table, frozen=True, kw_only=True):
@@ -200,9 +200,7 @@ class MockRecording(Table, frozen=True, kw_only=True):
     """A bag or MCAP file that is played in a loop, with new stamps. Topics of `topics` take precedence."""
 
     file: MockPath
-    topics: Annotated[list[_Pattern], about("patterns such as `/camera/*`; none: all", max_length=100)] = field(
-        default_factory=list
-    )
+    topics: Annotated[list[_Pattern], about("patterns such as `/camera/*`; none: all", max_length=100)] = []
     speed: Annotated[float, about("factor", ge=0.01, le=100.0)] = 1.0
 
 
@@ -226,16 +224,12 @@ class MockFault(Table, frozen=True, kw_only=True):
 
     kind: Annotated[FaultKind, about("see the table of kinds")]
     direction: Annotated[FaultDirection, about("of the messages and calls that it concerns")] = "to_clients"
-    topics: Annotated[list[_Pattern], about("patterns of topics; none: all", max_length=100)] = field(
-        default_factory=list
-    )
-    services: Annotated[list[_Pattern], about("patterns of services; none: all", max_length=100)] = field(
-        default_factory=list
-    )
+    topics: Annotated[list[_Pattern], about("patterns of topics; none: all", max_length=100)] = []
+    services: Annotated[list[_Pattern], about("patterns of services; none: all", max_length=100)] = []
     clients: Annotated[
         list[Annotated[int, Meta(ge=1, le=MAX_CLIENT_NUMBER)] | _Pattern],
         about("numbers in the order of connecting, from 1, and patterns of addresses; none: all", max_length=100),
-    ] = field(default_factory=list)
+    ] = []
     probability: Annotated[float, about("for each message or call", ge=0.0, le=1.0)] = 1.0
     seconds: Annotated[Annotated[float, Meta(ge=0.0, le=600.0)], about("delay of `delay` and `slow` [s]")] = 0.5
     jitter: Annotated[
@@ -276,23 +270,17 @@ class MockDocument(Table, frozen=True, kw_only=True):
 
     node: Annotated[_Name, about("name of its node")] = "/mock"
     seed: Annotated[int, about("of random walks and faults", ge=0, le=2**32 - 1)] = 0
-    topics: Annotated[dict[_Name, MockTopic], about("that it publishes, by name", max_length=MAX_THINGS)] = field(
-        default_factory=dict
-    )
+    topics: Annotated[dict[_Name, MockTopic], about("that it publishes, by name", max_length=MAX_THINGS)] = {}
     subscribers: Annotated[
         dict[_Name, _TypeName],
         about("topics that it subscribes to -> type; expressions may read them", max_length=MAX_THINGS),
-    ] = field(default_factory=dict)
-    services: Annotated[dict[_Name, MockService], about("by name", max_length=MAX_THINGS)] = field(default_factory=dict)
-    actions: Annotated[dict[_Name, MockAction], about("by name", max_length=MAX_THINGS)] = field(default_factory=dict)
-    parameters: Annotated[dict[str, KeptAsWritten], about("by name: any values of JSON", max_length=MAX_THINGS)] = (
-        field(default_factory=dict)
-    )
-    transforms: Annotated[list[MockTransform], about("trees of /tf", max_length=MAX_THINGS)] = field(
-        default_factory=list
-    )
-    recordings: Annotated[list[MockRecording], about("files to play", max_length=20)] = field(default_factory=list)
-    faults: Annotated[dict[_PlainName, MockFault], about("by name", max_length=100)] = field(default_factory=dict)
+    ] = {}
+    services: Annotated[dict[_Name, MockService], about("by name", max_length=MAX_THINGS)] = {}
+    actions: Annotated[dict[_Name, MockAction], about("by name", max_length=MAX_THINGS)] = {}
+    parameters: Annotated[dict[str, KeptAsWritten], about("by name: any values of JSON", max_length=MAX_THINGS)] = {}
+    transforms: Annotated[list[MockTransform], about("trees of /tf", max_length=MAX_THINGS)] = []
+    recordings: Annotated[list[MockRecording], about("files to play", max_length=20)] = []
+    faults: Annotated[dict[_PlainName, MockFault], about("by name", max_length=100)] = {}
 
 
 _DOCUMENT: Final = DocumentType[MockDocument](MockDocument)
