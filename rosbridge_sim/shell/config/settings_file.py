@@ -51,7 +51,7 @@ def read_file(path: Path) -> tuple[dict[str, object], list[tuple[str, DocumentEr
         try:
             _check_key(key, where)
             if key in tables():
-                add_value(values, key, _read_table(key, name, value, path, lines, on_mistake=note), where)
+                add_value(values, key, _read_table(key, value, path, lines, note), where)
             else:
                 base, checked = read_switchable(key, value, where)
                 add_value(values, base, _beside(base, checked, path.parent), where)
@@ -106,55 +106,29 @@ def read_network(path: Path) -> NetworkSettings:
     Raises:
         SettingError: the first mistake.
     """
-    from rosbridge_sim.simulator.bus.network_settings import NetworkSettings, path_text  # noqa: PLC0415 - see above
+    from rosbridge_sim.simulator.bus.network_settings import NetworkSettings  # noqa: PLC0415 - see above
 
-    if path.suffix.lower() == JSON_SUFFIX:
-        return _read_morai(path)
-    text, document = read_toml(path)
-    lines = lines_of(text)
-    choices: dict[str, JsonValue] = {}
-    others = []
-    for name, value in document.items():
-        if name in tables():
-            choices[name] = _read_table(name, name, value, path, lines)
-        elif name.replace("_", "-") in keys():
-            others.append(name)
-        else:
-            raise SettingError(
-                f"{path}{place_of(lines, (name,))}: {path_text((name,))}: expected {', '.join(tables())}"
-                f"{hint(name, tables())}"
-            )
+    values, mistakes = read_file(path)
+    own = [error for key, error in mistakes if key in tables() or key not in keys()]
+    if own:
+        raise SettingError(str(own[0]))
+    others = [key for key in values if key not in tables()]
     if others:
         _log.info("%s: ignored keys that are not network settings: %s", path, ", ".join(others))
+    choices: dict[str, JsonValue] = {key: values[key] for key in tables() if key in values}
     return NetworkSettings(**choices)
 
 
 def _read_table(
-    key: str,
-    name: str,
-    value: object,
-    path: Path,
-    lines: Lines,
-    *,
-    on_mistake: Callable[[DocumentError], None] | None = None,
+    key: str, value: object, path: Path, lines: Lines, on_mistake: Callable[[DocumentError], None]
 ) -> object:
-    """Return the choices of one table of a file; errors name the line.
-
-    Raises:
-        SettingError: the first mistake, unless `on_mistake` takes the mistakes.
-    """
+    """Return the choices of one table of a file; mistakes name the line."""
     from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, path_text, read_choices  # noqa: PLC0415 - see above
 
     def place(keys: tuple[str, ...]) -> str:
-        at = (name, *keys[1:])
-        return f"{path}{place_of(lines, at)}: {path_text(at)}"
+        return f"{path}{place_of(lines, keys)}: {path_text(keys)}"
 
-    if on_mistake is not None:
-        return read_choices(InterfaceKind(key), value, place, on_mistake)
-    try:
-        return read_choices(InterfaceKind(key), value, place)
-    except DocumentError as error:
-        raise SettingError(str(error)) from None
+    return read_choices(InterfaceKind(key), value, place, on_mistake)
 
 
 def _beside(key: str, value: object, folder: Path) -> object:
