@@ -108,7 +108,7 @@ class Entries(Record, eq=False):
         """Return the first `num` entries."""
         return Entries(*(getattr(self, column)[:num] for column in _COLUMNS))
 
-    def at(self, which: IntArray | BoolArray) -> Entries:
+    def at(self, which: IntArray | BoolArray | slice) -> Entries:
         """Return some entries."""
         return Entries(*(getattr(self, column)[which] for column in _COLUMNS))
 

@@ -53,6 +53,9 @@ _WAVE: Final = (2.0 / len(PERIODS)) ** 0.5
 _PARABOLA: Final = (15.0 / 16.0) ** 0.5
 """A wave of parabolas of height 1 has a mean square of 8/15 instead of 1/2."""
 
+WAVES: Final = -16.0 * _WAVE * _PARABOLA
+"""Factor of the sum of the waves."""
+
 
 def aims_at(salt: npt.NDArray[np.uint64], frame: int) -> FloatArray:
     """Return where drivers aim at, (k,), with a standard deviation of 1.
@@ -79,7 +82,7 @@ def _sum_of_waves(rate: FloatArray, phase: FloatArray, frame: int | IntArray) ->
     turn = rate * frame + phase
     turn -= np.floor(turn) + 0.5
     waves = turn * (0.5 - np.abs(turn))
-    return np.asarray((waves[0] + waves[1] + waves[2]) * (-16.0 * _WAVE * _PARABOLA))
+    return np.asarray((waves[0] + waves[1] + waves[2]) * WAVES)
 
 
 class LaneWander:
@@ -88,6 +91,8 @@ class LaneWander:
     Attributes:
         which: (m,) int64, which of them wander; indices into the rows.
         half_width: (m,) half of the width of each of these, with `MARGIN` [m].
+        rates, phases: (3, m) of the waves of their aims [1/frame], [periods].
+        width: (m,) standard deviation of their aims [m].
 
     Args:
         world: written by the methods.
@@ -101,9 +106,9 @@ class LaneWander:
         mine = rows[self.which]
         is_run = len(mine) > 0 and int(mine[-1]) - int(mine[0]) + 1 == len(mine)
         self._at: slice | IntArray = slice(int(mine[0]), int(mine[-1]) + 1) if is_run else mine
-        self._rates, self._phases = _waves_of(world.salts(mine))
+        self.rates, self.phases = _waves_of(world.salts(mine))
         self._rows = mine
-        self._width = world.wander_width[mine]
+        self.width = world.wander_width[mine]
         self.half_width = world.half_width[mine] + MARGIN
         self._room = world.roads.derived(room_of)
 
@@ -146,7 +151,7 @@ class LaneWander:
 
     def aims(self) -> FloatArray:
         """Return where they aim at now, in lanes of any width, (m,) [m]."""
-        return np.asarray(self._width * _sum_of_waves(self._rates, self._phases, self._world.frames(self._rows)))
+        return np.asarray(self.width * _sum_of_waves(self.rates, self.phases, self._world.frames(self._rows)))
 
     def move(self, dt: float) -> None:
         """Move the rows by their displacements at the end of a step of `dt` [s]; their places are those without it."""

@@ -148,7 +148,7 @@ def view_driver(world: WorldRows, row: int) -> DriverView | None:
         drivers.held.copy(),
         drivers.exit_lane.copy(),
     )
-    others, rows, num_driving = followers.others(drivers)
+    others, rows, num_driving = followers.others(lambda: drivers)
     which = int((followers.rows == row).nonzero()[0][0])
     sight = observe(followers.conflicts, world.signals.may_enter, drivers, others, num_driving, which=which)
     all_rows = np.concatenate([followers.rows, rows])
@@ -243,6 +243,7 @@ class LaneFollowers:
     def take_kernel(self, make: Callable[[LaneFollowers], Kernel] | None) -> None:
         """Be driven by what `make` returns, from now on; None for arrays."""
         if make is not self._maker:
+            self.shifted = find_shifted(self.world, self.rows)  # loops keep a list of their own
             self._maker, self.kernel = make, None if make is None else make(self)
 
     def decide(self) -> None:
@@ -253,7 +254,7 @@ class LaneFollowers:
             self.egos.project()
             self.advance_lanes(self.egos.index)
         drivers = self.drivers()
-        others, _, num_driving = self.others(drivers)
+        others, _, num_driving = self.others(lambda: drivers)
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
         wanted = accelerate(speed, perception, self.parameters)
@@ -315,7 +316,7 @@ class LaneFollowers:
             drivers.leaving = self.changes.find_leaving(drivers)
         return drivers
 
-    def others(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
+    def others(self, drivers: Callable[[], Drivers]) -> tuple[Entries, IntArray, int]:
         """Return the entries of all other entities; see `OtherEntities.entries`."""
         return self.other_entities.entries(drivers)
 

@@ -5,6 +5,7 @@ Pedestrians are seen where they will be soon; all others are seen where they are
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -75,13 +76,13 @@ class OtherEntities:
         self._seen: Entries | None = None
         self._found = self._still, self._still_rows, 0
 
-    def entries(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
+    def entries(self, drivers: Callable[[], Drivers]) -> tuple[Entries, IntArray, int]:
         """Return all entries, their rows, and how many of them drive, which are the first ones.
 
         Those that drive occupy the lanes of an intersection, the others only obstruct.
 
         Args:
-            drivers: all lane followers.
+            drivers: returns all lane followers; called if somebody crosses.
         """
         world = self._world
         if not len(self._rows):
@@ -96,7 +97,7 @@ class OtherEntities:
         crossing = (world.yields[rows] >= COMMITTED).nonzero()[0]
         self._seen = None if len(crossing) else seen
         if len(crossing):
-            passed = find_passed_first(world.roads, drivers, seen.at(crossing), arrival[crossing])
+            passed = find_passed_first(world.roads, drivers(), seen.at(crossing), arrival[crossing])
             is_left = np.ones(len(owner), dtype=bool)
             is_left[crossing[passed]] = False
             left = is_left.nonzero()[0]

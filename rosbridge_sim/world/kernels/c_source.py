@@ -47,8 +47,8 @@ LOOK_WORDS: Final = 32
 
 COLUMNS: Final[Mapping[str, str]] = {
     "D": "accel speed x y yaw z arc yaw_rate lateral_accel leg_start leg_end leg_x leg_y leg_z leg_dx leg_dy leg_dz"
-    " desired_speed lateral lateral_rate drift drift_rate wander wander_slope wander_slope_rate wander_x wander_y"
-    " wander_x_rate wander_y_rate",
+    " desired_speed half_width lateral lateral_rate lateral_from lateral_to lateral_push lateral_bend lateral_left"
+    " drift drift_rate wander wander_slope wander_slope_rate wander_x wander_y wander_x_rate wander_y_rate",
     "I": "turns claim held exit_lane point lane signal change change_since leaving came_from",
 }
 """Columns of the world, by row."""
@@ -79,24 +79,25 @@ OF_MAP: Final[Mapping[str, str]] = {
 
 OF_DRIVERS: Final[Mapping[str, str]] = {
     "D": "nose rear body_length wheelbase speed_factor desired headway own_accel comfort own_lateral reaction"
-    " politeness change_time most_lateral response lateral_now half_room aim",
-    "I": "rows uid let_in_later route_length route_first route wandering shifted",
+    " politeness change_time most_lateral response half_room rates phases width",
+    "I": "rows uid let_in_later route_length route_first route wandering",
     "B": "may_change is_loop is_ego",
     "uint64_t": "salt",
 }
 """Figures of the drivers, of those that wander, and their routes."""
 
 OF_ENTRIES: Final[Mapping[str, str]] = {
-    "D": "other_s other_tail other_speed other_accel left_s left_tail left_speed left_accel",
-    "I": "other_lane left_lane left_source",
+    "D": "other_s other_tail other_speed other_accel",
+    "I": "other_lane",
     "B": "other_stands",
 }
-"""Entries of others, and of those that change lanes on the lanes that they leave."""
+"""Entries of others."""
 
 FOR_DRIVERS: Final[Mapping[str, str]] = {
     "D": "gap lead_speed lead_accel stop_distance safe_speed asked_distance wanted desired_now asking_place distance"
-    " heading east north angle sine cosine",
-    "I": "frame decision lead_at lead asked asked_exit asking looking at side shift_of",
+    " heading east north angle sine cosine lateral_now left_s left_tail left_speed left_accel",
+    "I": "frame decision lead_at lead asked asked_exit asking looking at side shift_of shifted shifting left_lane"
+    " left_source",
     "B": "is_shut_out is_blocked asked_again is_leaving is_clear is_tight is_second can_go",
 }
 """Room for what is worked out for each driver."""
@@ -153,7 +154,7 @@ OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel across", "I": "bef
 NUMBERS: Final = [
     *("n", "stride", "num_lanes", "num_in_map", "num_points", "num_others", "num_leaving", "num_moving"),
     *("num_entries", "num_bounds", "num_looks", "num_wandering", "num_shifted"),
-    *("has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
+    *("num_shifting", "is_possible", "has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
     *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat", "has_across"),
     *("num_blocks", "cell_room", "num_ahead"),
 ]
@@ -217,12 +218,9 @@ PLACE_OF_PEOPLE: Final = {name: place for place, name in enumerate([*PEOPLE_NUMB
 """The same for the structure that the loops for people get."""
 
 FUNCTIONS: Final = {
-    **dict.fromkeys(
-        ("begin_decision", "perceive", "accelerate", "follow_wishes", "plan_wander", "nudge", "find_places"), ""
-    ),
-    **dict.fromkeys(
-        ("is_anybody_changing", "look_at_lanes_beside", "look_at_headings", "steer", "list_pairs", "look_at_kerbs"), "I"
-    ),
+    **dict.fromkeys(("begin_decision", "perceive", "follow_wishes", "nudge", "find_places"), ""),
+    **dict.fromkeys(("accelerate", "look_at_lanes_beside", "look_at_headings", "plan_aside", "steer"), "I"),
+    **dict.fromkeys(("list_pairs", "look_at_kerbs"), "I"),
     **dict.fromkeys(("signal_changes", "take_headings", "watch_pairs", "judge_pairs"), "I I"),
     "mind_kerbs": " I",
     **dict.fromkeys(("find_slants", "move"), " D"),
@@ -240,15 +238,16 @@ _CONSTANTS: Final = {
     lane_following: "LET_IN_EVERY LET_IN_FOR MAX_WAIT_DECISIONS MAX_LANES_ENTERED LONGEST_LEG MAX_STRETCH INTERVAL",
     look_rules: "MUCH_SLOWER",
     lane_conflicts: "FORESIGHT TURNS_AHEAD MIN_SAFE_SPEED MAX_LATERAL SETTLING_TIME",
-    lane_entries: "TICKS INDEX_BITS INDEX_MASK LAST_KEY",
+    lane_entries: "CORRIDOR TICKS INDEX_BITS INDEX_MASK LAST_KEY",
     turn_shares: "ONE",
     lane_change_decision: "SIGNAL_FRAMES PATIENCE REST RETURN GOOD_REASON MUST_TIME MUST_WAY WAY_ON ENTRY_WAY"
     " SPEED_TOLERANCE LIGHT_QUEUE QUEUE_GAP BLOCKED_TIME BLOCKED_WAY PULL_OUT PULL_OUT_PER_LENGTH STUCK KIND_BRAKING"
     " COURTESY BEFORE_JOIN LOOK_BACK",
     lane_change_model: "SAFE_BRAKING THRESHOLD KEEP_RIGHT_BIAS MIN_GAP MIN_HEADWAY",
-    lane_change_motion: "CAR_LENGTH",
-    lane_change_passing: "STANDS",
-    lane_changes: "LOOK_EVERY LOOK_PARTS SPARE_ROOM SLOW",
+    lane_change_motion: "CAR_LENGTH SHORTEST",
+    lane_change_passing: "SEEN STANDS",
+    lane_changes: "LOOK_EVERY LOOK_PARTS SPARE_ROOM SLOW OFF_OLD_LANE OFF_OLD_LANE_LONG FASTER_SOON",
+    lane_wander: "WAVES",
     people: "LOOK_AHEAD KERB_GAP AT_KERB BRAKE COMMITTED",
     paths: "KEYS_PER_METRE MAX_KEY",
     roads: "LEVEL",
@@ -314,6 +313,10 @@ _RULES: Final[Mapping[Callable[..., Any], int]] = {
     lane_change_model.mean_follow: 4,
     lane_change_motion.shift_time: 2,
     lane_change_motion.lateral_left: 4,
+    lane_change_motion.shift_length: 2,
+    lane_change_motion.tight_length: 3,
+    lane_change_motion.place_in_shift: 5,
+    lane_change_passing.side_in_shift: 6,
     lane_wander.wander_ahead: 5,
 }
 """Rules, and how many numbers each gets."""

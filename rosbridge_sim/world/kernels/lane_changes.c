@@ -261,17 +261,96 @@ static void leave_room(K *k, I i) {
   k->wanted[i] = least(k->wanted[i], most(brakes, -FIRM));
 }
 
-/* Whether anybody changes lanes or must. */
-EXPORT I is_anybody_changing(K *k) {
-  for (I i = 0; i < k->n; i++)
-    if (k->leaving[k->rows[i]] > 0 || k->change[k->rows[i]] >= ROUTE) return 1;
-  return 0;
+/* LaneChanges.find_lateral, and find_leaving for one driver. */
+static void change_lane(K *k, I i, I r) {
+  int leaves = k->leaving[r] > 0;
+  if (!leaves && k->change[r] < ROUTE) return;
+  D time, s, across = leaves ? fabs(k->lateral_to[r] - k->lateral_from[r]) : LANE_WIDTH;
+  shift_time(&time, k->change_time[i], k->speed[r]);
+  lateral_left(&k->lateral_now[i], k->most_lateral[i], k->own_lateral[i], time, across);
+  D off = k->body_length[i] > HEAVY_LENGTH ? OFF_OLD_LANE_LONG : OFF_OLD_LANE;
+  if (!leaves || !(fabs(k->lateral[r] - k->lateral_to[r]) > off)) return;
+  I lane = cross(k, k->leaving[r] - 1, k->lane[r], k->arc[r], &s), j = k->num_leaving;
+  if (lane < 0) return;
+  k->left_lane[j] = lane, k->left_source[j] = i, k->left_s[j] = s, k->left_tail[j] = s - k->rear[i];
+  k->left_speed[j] = k->speed[r], k->left_accel[j] = k->accel[r];
+  k->num_leaving++;
+}
+
+EXPORT void begin_decision(K *k) {
+  k->num_leaving = 0;
+  for (I i = 0; i < k->n; i++) {
+    k->lateral_now[i] = k->own_lateral[i];
+    if (k->is_possible) change_lane(k, i, k->rows[i]);
+  }
+  update_holds(k);
+  enter_all(k);
+}
+
+/* LaneChanges.end_changes */
+static void end_changes(K *k) {
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i];
+    if (k->leaving[r] > 0 && k->lateral_left[r] == 0.0)
+      k->leaving[r] = k->signal[r] = k->change[r] = 0, k->change_since[r] = k->frame[i];
+  }
+}
+
+/* lane_change_passing.find_blocked, for one that does not pull out and has a moving vehicle ahead: whether it is. */
+static int is_in_the_way(const K *k, I i, I r, D gap, D lead_speed, D speed) {
+  D across = fabs(k->lateral_from[r] - k->lateral_to[r]), way, time, side;
+  speed = most(speed, CREEP);
+  D closing = speed - lead_speed, driven = closing > 0.0 ? most(gap, 0.0) * speed / closing : INFINITY;
+  shift_length(&way, k->body_length[i], across);
+  shift_time(&time, k->change_time[i], speed);
+  way = most(way, time * speed);
+  D part = least(1.0 - k->lateral_left[r] + driven / way, 1.0);
+  side_in_shift(&side, across, 0.0, way, part, k->nose[i], k->half_width[r]);
+  return !(side > CORRIDOR) && !isinf(gap);
+}
+
+/* LaneChanges.mind_old_lane. Returns how many look closely at what is ahead, and are for numpy: looking. */
+static I mind_old_lanes(K *k) {
+  I num = 0;
+  for (I j = 0; j < k->num_leaving; j++) {
+    I i = k->left_source[j], r = k->rows[i], lane = k->left_lane[j], after = k->q_position[k->n + j] + 1;
+    I next = LANE(r, 1), beyond = next >= 0 ? k->beside[(k->leaving[r] - 1) * k->num_lanes + next] : -1;
+    D way = -k->left_s[j];
+    if (k->q_lane[after] != lane) {
+      after = beyond >= 0 ? k->q_first[beyond] : k->num_entries;
+      way = k->length[lane] - k->left_s[j];
+    }
+    D gap = way + k->q_tail[after] - k->nose[i], lead_speed = k->q_speed[after], speed = k->speed[r], brakes;
+    if (k->lateral_bend[r] != 0.0 || (gap < SEEN && lead_speed < STANDS)) {
+      k->looking[num++] = j;
+      continue;
+    }
+    if (is_in_the_way(k, i, r, gap, lead_speed, speed + FASTER_SOON * most(k->left_accel[j], 0.0)))
+      k->wanted[i] = least(k->wanted[i], 0.0);
+    if (!is_in_the_way(k, i, r, gap, lead_speed, speed)) continue;
+    D needed = most(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * most(gap, CREEP));
+    brakes = follow_as_mean(speed, k->desired_now[i], gap, lead_speed);
+    k->wanted[i] = least(k->wanted[i], most(brakes, -least(most(needed, FIRM), HARDEST)));
+  }
+  return num;
+}
+
+/* What drivers choose. Returns how many entries of those that leave lanes are for numpy: looking. */
+EXPORT I accelerate(K *k) {
+  for (I j = 0; j < k->num_leaving; j++) k->is_leaving[k->left_source[j]] = 1;
+  for (I i = 0; i < k->n; i++) {
+    k->wanted[i] = choose_accel(k, i);
+    k->desired_now[i] = least(k->desired[i], k->safe_speed[i]);
+  }
+  for (I j = 0; j < k->num_leaving; j++) k->is_leaving[k->left_source[j]] = 0;
+  return mind_old_lanes(k);
 }
 
 /* What drivers want. Returns how many looks need numpy's answer whether they are clear: at, side, is_tight. */
 EXPORT I look_at_lanes_beside(K *k) {
   I num = 0;
   k->num_looks = 0;
+  end_changes(k);
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i], part = k->decision[i] / LOOK_EVERY % LOOK_PARTS, has_side = k->has_side[k->lane[r]];
     if (!k->may_change[i]) continue;

@@ -1,7 +1,8 @@
 """The lane followers of one world or of many, driven by loops in C, to the last bit as by arrays.
 
 The loops do what all drivers need at each decision and in each step. What is rare stays with numpy: entities that
-follow no lanes, joins, intruders, the start and the end of lane changes, the swing of long vehicles, and all sines.
+follow no lanes, joins, intruders, the start of lane changes, those close behind what stands, the swing of long
+vehicles, and all sines.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from rosbridge_sim.world.drivers.lane_position import find_straights, headings
 from rosbridge_sim.world.drivers.lane_wander import room_of
 from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
 from rosbridge_sim.world.followers.lane_following import DECISION, LaneFollowers
+from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.kernels.c_source import (
     ARRAYS,
     COLUMNS,
@@ -33,7 +35,7 @@ from rosbridge_sim.world.kernels.c_source import (
     PLACE_OF,
 )
 from rosbridge_sim.world.kernels.loop_fields import LoopFields
-from rosbridge_sim.world.lane_changes.lane_change_motion import LANE, find_shifted
+from rosbridge_sim.world.lane_changes.lane_change_motion import LANE
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
 
 
@@ -42,14 +44,13 @@ class CompiledLoops(Protocol):
 
     begin_decision: Callable[[int], None]
     perceive: Callable[[int], None]
-    accelerate: Callable[[int], None]
-    is_anybody_changing: Callable[[int], int]
+    accelerate: Callable[[int], int]
     look_at_lanes_beside: Callable[[int], int]
     signal_changes: Callable[[int, int], int]
     follow_wishes: Callable[[int], None]
     look_at_headings: Callable[[int], int]
     take_headings: Callable[[int, int], int]
-    plan_wander: Callable[[int], None]
+    plan_aside: Callable[[int], int]
     steer: Callable[[int], int]
     find_slants: Callable[[int, float], None]
     move: Callable[[int, float], None]
@@ -87,7 +88,7 @@ class LaneKernel:
         fields.take(looks=np.zeros(LOOK_WORDS * followers.num, np.int64))
         # Each driver has an entry on its lane, one on a lane that it leaves, and one on each sibling.
         self._most_own = followers.num * (2 + int(np.diff(siblings.first).max(initial=0)))
-        self._take_shifted()
+        self._take_slants(followers.shifted)
 
     def _take_map(self) -> None:
         followers, fields = self._followers, self._fields
@@ -146,7 +147,11 @@ class LaneKernel:
             salt=choice.salt,
             wandering=wander.which,
             half_room=wander.half_width,
+            rates=wander.rates,
+            phases=wander.phases,
+            width=wander.width,
         )
+        fields["is_possible"] = followers.changes.is_possible
         fields["n"], fields["has_route"], fields["num_wandering"] = (
             followers.num,
             len(choice.route) > 0,
@@ -166,39 +171,37 @@ class LaneKernel:
         fields.arrays["frame"][:] = world.frames(followers.rows)
         np.floor_divide(fields.arrays["frame"], DECISION, out=fields.arrays["decision"])
         fields.take(may_enter=world.signals.may_enter)
-        is_changing = followers.changes.is_possible and bool(do.is_anybody_changing(at))
-        drivers = followers.drivers(may_change=is_changing)
-        fields.take(lateral_now=drivers.lateral)
-        others, _, num_moving = followers.others(drivers)
-        self._take_entries(others, drivers.leaving)
+        others, _, num_moving = followers.others(followers.drivers)
+        self._take_entries(others)
         fields["num_moving"] = num_moving
         do.begin_decision(at)
         fields.arrays["q_key"][: fields["num_entries"]].sort()
         do.perceive(at)
         if num_moving:
             moving = others.first(num_moving)
-            stop_for_intruders(followers.conflicts, followers.drivers(), self._perception(), moving)
-        do.accelerate(at)
+            stop_for_intruders(followers.conflicts, self._drivers(), self._perception(), moving)
+        num = do.accelerate(at)
+        if num:
+            self._mind_closely(fields.arrays["looking"][:num])
         if len(followers.conflicts.joins.shared):
             wanted, moving = fields.arrays["wanted"], others.first(num_moving)
-            wanted[:] = follow_in_joins(followers.conflicts, followers.drivers(), moving, wanted)
+            wanted[:] = follow_in_joins(followers.conflicts, self._drivers(), moving, wanted)
         if followers.changes.is_possible:
-            self._change_lanes(drivers, is_changing=is_changing)
+            self._change_lanes()
         if len(egos.rows):
             wanted, lanes = fields.arrays["wanted"][egos.index], world.int_block("lane", "ahead_5")
             egos.command(lanes.take(egos.rows, axis=1), wanted)
         do.follow_wishes(at)
         self._steer()
 
-    def _take_entries(self, others: Entries, leaving: Entries | None) -> None:
-        fields = self._fields
-        num = len(others.lane)
-        fields["num_leaving"] = 0 if leaving is None else len(leaving.lane)
-        if leaving is not None:
-            for name in ("lane", "s", "tail", "speed", "accel", "source"):
-                fields.take(**{f"left_{name}": getattr(leaving, name)})
+    def _drivers(self) -> Drivers:
+        """Return the drivers without what only changes of lanes need."""
+        return self._followers.drivers(may_change=False)
+
+    def _take_entries(self, others: Entries) -> None:
         if others is self._others:
             return
+        fields, num = self._fields, len(others.lane)
         self._others, fields["num_others"] = others, num
         for name in ("lane", "s", "tail", "speed", "accel", "stands"):
             fields.take(**{f"other_{name}": np.ascontiguousarray(getattr(others, name))})
@@ -216,22 +219,26 @@ class LaneKernel:
         arrays: dict[str, Any] = {name: self._fields.arrays[name] for name in names}
         return Perception(**arrays)
 
-    def _change_lanes(self, drivers: Drivers, *, is_changing: bool) -> None:
+    def _mind_closely(self, of: IntArray) -> None:
+        """Have some of those that leave lanes mind what stands there, or pull out; see `LaneChanges.mind_old_lane`."""
+        fields, drivers = self._fields, self._drivers()
+        arrays, num = fields.arrays, fields["num_leaving"]
+        names = ("lane", "s", "tail", "speed", "accel", "source")
+        columns = {name: arrays[f"left_{name}"][:num] for name in names}
+        drivers.leaving = Entries(**columns, stands=np.zeros(num, dtype=bool))
+        changes = self._followers.changes
+        changes.mind_old_lane(drivers, self._queue(), arrays["desired_now"], arrays["wanted"], of)
+
+    def _change_lanes(self) -> None:
         """See `LaneChanges.decide`."""
-        do, at, arrays, changes = self._do, self._at, self._fields.arrays, self._followers.changes
-        if is_changing:
-            changes.end_changes()
-        if drivers.leaving is not None:
-            changes.mind_old_lane(drivers, self._queue(), arrays["desired_now"], arrays["wanted"])
+        do, at, arrays = self._do, self._at, self._fields.arrays
         num = do.look_at_lanes_beside(at)
         if num:
             arrays["is_clear"][:num] = self._are_clear(num)
         begun = do.signal_changes(at, num) if self._fields["num_looks"] else 0
         if begun:
             which, side, is_tight = (arrays[name][:begun].copy() for name in ("at", "side", "is_tight"))
-            changes.start(self._followers.drivers(), which, side, is_tight)
-        if is_changing or begun:
-            self._followers.shifted = find_shifted(self._followers.world, self._followers.at)
+            self._followers.changes.start(self._drivers(), which, side, is_tight)
 
     def _are_clear(self, num: int) -> npt.NDArray[np.bool_]:
         """Return which of the first looks of `at` are of drivers that could change lanes now; see `Shifts`."""
@@ -259,20 +266,28 @@ class LaneKernel:
         if num:
             np.arctan2(arrays["north"][:num], arrays["east"][:num], arrays["angle"][:num])
             self._head_to_end(do.take_headings(at, num))
-        heading, distance, wander = arrays["heading"], arrays["distance"], followers.wander
-        shifting = followers.plan_swings(distance)
-        if len(wander.which):
-            np.sin(heading, arrays["sine"])
-            np.cos(heading, arrays["cosine"])
-            arrays["shift_of"][followers.shifted] = 1
-            self._fields.take(aim=wander.aims())
-            do.plan_wander(at)
-            arrays["shift_of"][followers.shifted] = 0
-        followers.plan_shifts(shifting, distance, heading)
-        self._take_shifted()
+        if len(followers.long):
+            self._swing()
+        if self._fields["num_wandering"]:
+            np.sin(arrays["heading"], arrays["sine"])
+            np.cos(arrays["heading"], arrays["cosine"])
+        num = do.plan_aside(at)
+        if num:
+            np.arctan2(arrays["north"][:num], arrays["east"][:num], arrays["angle"][:num])
         num = do.steer(at)
+        self._take_slants()
         if num:
             followers.choice.change(arrays["at"][:num].copy())
+
+    def _swing(self) -> None:
+        """See `LaneFollowers.plan_swings`."""
+        fields, followers = self._fields, self._followers
+        shifted = followers.shifted = fields.arrays["shifted"][: fields["num_shifted"]].copy()
+        shifting = followers.plan_swings(fields.arrays["distance"])
+        if followers.shifted is not shifted:
+            for name, which in (("shifted", followers.shifted), ("shifting", shifting)):
+                fields.arrays[name][: len(which)] = which
+                fields[f"num_{name}"] = len(which)
 
     def _head_to_end(self, num: int) -> None:
         """Take the headings of the first drivers of `at` from the lanes, which end there."""
@@ -285,19 +300,23 @@ class LaneKernel:
         lanes = world.int_block("lane", "ahead_5").take(rows, axis=1)
         arrays["heading"][which] = headings(followers.roads, lanes, arc, followers.wheelbase[which])
 
-    def _take_shifted(self) -> None:
-        self._fields.take(shifted=self._followers.shifted)
-        self._fields["num_shifted"] = len(self._followers.shifted)
+    def _take_slants(self, shifted: IntArray | None = None) -> None:
+        """Take the angles of those who are beside their lines, and their sines and cosines."""
+        fields = self._fields
+        if shifted is not None:
+            fields["num_shifted"] = len(shifted)
+            fields.arrays["shifted"][: len(shifted)] = shifted
+        num = fields["num_shifted"]
+        self._slants = tuple(fields.arrays[name][:num] for name in ("angle", "sine", "cosine")) if num else ()
 
     # -- motion
 
     def move(self, dt: float) -> None:
         """See `LaneFollowers.move`."""
-        do, at, arrays, egos = self._do, self._at, self._fields.arrays, self._followers.egos
+        do, at, egos = self._do, self._at, self._followers.egos
         saved = egos.save_poses() if len(egos.rows) else None
-        num = self._fields["num_shifted"]
-        if num:
-            angle, sine, cosine = (arrays[name][:num] for name in ("angle", "sine", "cosine"))
+        if self._slants:
+            angle, sine, cosine = self._slants
             do.find_slants(at, dt)
             np.cos(angle, cosine)
             do.move(at, dt)

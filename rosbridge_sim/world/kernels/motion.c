@@ -36,9 +36,22 @@ EXPORT void follow_wishes(K *k) {
   }
 }
 
+/* lane_change_motion.find_shifted */
+static void find_shifted(K *k) {
+  k->num_shifted = 0;
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i];
+    int moves = k->lateral[r] != 0.0 || k->lateral_rate[r] != 0.0 || k->drift[r] != 0.0 || k->drift_rate[r] != 0.0;
+    if (moves || k->lateral_left[r] > 0.0 || k->lateral_to[r] != 0.0) k->shifted[k->num_shifted++] = i;
+  }
+}
+
 /* Distances until the next decision, and headings then. Returns how many are angles of north and east, for numpy. */
 EXPORT I look_at_headings(K *k) {
   I num = 0;
+  find_shifted(k);
+  for (I j = 0; j < k->num_shifted; j++) k->shifting[j] = k->shifted[j];
+  k->num_shifting = k->num_shifted;
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
     D speed = k->speed[r], accel = k->accel[r];
@@ -64,12 +77,24 @@ EXPORT I take_headings(K *k, I num) {
   return at_end;
 }
 
+/* LaneWander.aims */
+static D find_aim(const K *k, I i, I j) {
+  D waves[3];
+  for (I w = 0; w < 3; w++) {
+    I at = w * k->num_wandering + j;
+    D turn = k->rates[at] * (D)k->frame[i] + k->phases[at];
+    turn = turn - (floor(turn) + 0.5);
+    waves[w] = turn * (0.5 - fabs(turn));
+  }
+  return k->width[j] * ((waves[0] + waves[1] + waves[2]) * WAVES);
+}
+
 /* LaneWander.plan, with sine and cosine of the headings. */
-EXPORT void plan_wander(K *k) {
+static void plan_wander(K *k) {
   for (I j = 0; j < k->num_wandering; j++) {
     I i = k->wandering[j], r = k->rows[i];
     D way = k->distance[i], room = most(k->room[k->lane[r]] - k->half_room[j], 0.0), ahead[3];
-    D aim = least(most(k->aim[j], -room), room) + 0.0;
+    D aim = least(most(find_aim(k, i, j), -room), room) + 0.0;
     wander_ahead(ahead, way, k->shift_of[i] ? 0.0 : aim, k->wander[r], k->wander_slope[r], INTERVAL);
     D east = -ahead[0] * k->sine[i], north = ahead[0] * k->cosine[i];
     if (way <= 0.0) east = k->wander_x[r], north = k->wander_y[r];
@@ -79,9 +104,50 @@ EXPORT void plan_wander(K *k) {
   }
 }
 
+/* lane_change_motion.plan_shifts for one driver, whose angle numpy will make of north and east. */
+static void plan_shift(K *k, I j) {
+  I i = k->shifting[j], r = k->rows[i];
+  D left = k->lateral_left[r], distance = k->distance[i], time, way, place[2];
+  k->north[j] = 0.0, k->east[j] = 1.0;
+  if (left <= 0.0) {
+    k->lateral[r] = k->lateral_from[r] = k->lateral_to[r];
+    k->drift[r] = k->lateral_push[r] = k->lateral_bend[r] = k->lateral_rate[r] = 0.0;
+    return;
+  }
+  D across = fabs(k->lateral_to[r] - k->lateral_from[r]) + fabs(k->lateral_push[r]), half = 0.5 * k->body_length[i];
+  if (k->lateral_bend[r] != 0.0) tight_length(&way, k->wheelbase[i], half, across);
+  else shift_length(&way, k->body_length[i], across);
+  shift_time(&time, k->change_time[i], k->speed[r]);
+  D part = least(least(INTERVAL / time, distance / most(way, 1.0)), left), p = 1.0 - (left - part);
+  place_in_shift(place, k->lateral_from[r], k->lateral_to[r], k->lateral_push[r], k->lateral_bend[r], p);
+  k->north[j] = place[1] * part, k->east[j] = most(distance, SHORTEST);
+  k->lateral_rate[r] = (place[0] - k->lateral[r]) / INTERVAL, k->lateral_left[r] = left - part;
+}
+
+/* Motion beside the lines, with sine and cosine of the headings. Returns for how many numpy makes angles. */
+EXPORT I plan_aside(K *k) {
+  for (I j = 0; j < k->num_shifted; j++) k->shift_of[k->shifted[j]] = 1;
+  plan_wander(k);
+  for (I j = 0; j < k->num_shifted; j++) k->shift_of[k->shifted[j]] = 0;
+  for (I j = 0; j < k->num_shifting; j++) plan_shift(k, j);
+  return k->num_shifting;
+}
+
+/* LaneFollowers.plan_shifts, with the angles. */
+static void drift_on(K *k) {
+  for (I j = 0; j < k->num_shifting; j++) {
+    I i = k->shifting[j], r = k->rows[i];
+    k->drift_rate[r] = k->distance[i] > 0.0 ? (k->angle[j] - k->drift[r]) / INTERVAL : 0.0;
+  }
+  if (!k->num_shifted) return;
+  for (I i = 0; i < k->n; i++) k->heading[i] += k->drift[k->rows[i]] + k->drift_rate[k->rows[i]] * INTERVAL;
+  find_shifted(k);
+}
+
 /* The yaw rates. Returns how many have waited before a full street and choose again: at. */
 EXPORT I steer(K *k) {
   I num = 0;
+  drift_on(k);
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
     D turn = k->distance[i] > 0.0 ? wrap(k->heading[i] - k->yaw[r]) : 0.0;

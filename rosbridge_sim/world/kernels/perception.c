@@ -127,12 +127,3 @@ static D choose_accel(const K *k, I i) {
   }
   return most(chosen, -HARDEST);
 }
-
-EXPORT void accelerate(K *k) {
-  for (I j = 0; j < k->num_leaving; j++) k->is_leaving[k->left_source[j]] = 1;
-  for (I i = 0; i < k->n; i++) {
-    k->wanted[i] = choose_accel(k, i);
-    k->desired_now[i] = least(k->desired[i], k->safe_speed[i]);
-  }
-  for (I j = 0; j < k->num_leaving; j++) k->is_leaving[k->left_source[j]] = 0;
-}

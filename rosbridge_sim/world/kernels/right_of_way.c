@@ -214,11 +214,6 @@ static void give(K *k, I num) {
   }
 }
 
-EXPORT void begin_decision(K *k) {
-  update_holds(k);
-  enter_all(k);
-}
-
 /* Comes after the keys were sorted. */
 EXPORT void perceive(K *k) {
   I near = 0, num = 0;

@@ -70,6 +70,9 @@ shorter way on the inner side of the bend [m/s^2]."""
 CAR_LENGTH: Final = 4.5
 """Length of a usual car [m]."""
 
+SHORTEST: Final = 1e-9
+"""Least way in the angle of a motion across [m]: what stands has none."""
+
 _COLUMNS: Final = ("lateral", "drift_rate")
 
 
@@ -131,8 +134,13 @@ def length_of_shift(length: FloatArray, across: FloatArray) -> FloatArray:
         length: (k,) of the vehicles [m].
         across: (k,) by which they shift; not negative [m].
     """
-    whole = MIN_SHIFT + MIN_SHIFT_PER_LENGTH * np.fmax(length - CAR_LENGTH, 0.0)
-    return np.asarray(whole * np.sqrt(np.fmin(across / LANE, 1.0)))
+    return np.asarray(shift_length(ARRAYS, length, across))
+
+
+def shift_length(do: RuleOperators[V], length: V, across: V) -> V:
+    """Return what `length_of_shift` returns; the arguments are the same."""
+    whole = MIN_SHIFT + MIN_SHIFT_PER_LENGTH * do.most(length - CAR_LENGTH, 0.0)
+    return whole * do.root(do.least(across / LANE, 1.0))
 
 
 def length_of_tight_shift(world: WorldRows, rows: IntArray, across: FloatArray) -> FloatArray:
@@ -143,9 +151,14 @@ def length_of_tight_shift(world: WorldRows, rows: IntArray, across: FloatArray) 
         rows: (k,) int64.
         across: (k,) by which they shift; not negative [m].
     """
-    radius = world.wheelbase[rows] / math.tan(FULL_LOCK)
-    least = TIGHT_PER_LENGTH * 2.0 * world.half_length[rows] * np.sqrt(np.fmin(across / LANE, 1.0))
-    return np.asarray(np.fmax(np.sqrt(TIGHT_BEND * across * radius), least))
+    return np.asarray(tight_length(ARRAYS, world.wheelbase[rows], world.half_length[rows], across))
+
+
+def tight_length(do: RuleOperators[V], wheelbase: V, half_length: V, across: V) -> V:
+    """Return what `length_of_tight_shift` returns for vehicles of such bodies [m]."""
+    radius = wheelbase / math.tan(FULL_LOCK)
+    least = TIGHT_PER_LENGTH * 2.0 * half_length * do.root(do.least(across / LANE, 1.0))
+    return do.most(do.root(TIGHT_BEND * across * radius), least)
 
 
 def shift(world: WorldRows, rows: IntArray, target: FloatArray) -> None:
@@ -157,7 +170,7 @@ def shift(world: WorldRows, rows: IntArray, target: FloatArray) -> None:
         target: (k,) offsets from the line, left positive [m].
     """
     done = 1.0 - world.lateral_left[rows]
-    slope = _slope(world, rows, done)
+    _, slope = _places(world, rows, done)
     world.lateral_push[rows] = np.where(world.lateral_left[rows] > 0.0, slope, 0.0)
     world.lateral_from[rows], world.lateral_to[rows] = world.lateral[rows], target
     is_there = (target == world.lateral[rows]) & (world.lateral_push[rows] == 0.0)
@@ -188,8 +201,9 @@ def plan_shifts(world: WorldRows, rows: IntArray, time: FloatArray, distance: Fl
         way[tight] = length_of_tight_shift(world, rows[tight], across[tight])
     part = np.fmin(np.fmin(interval / time, distance / np.fmax(way, 1.0)), left)
     share = 1.0 - (left - part)
-    lateral = np.where(is_done, world.lateral[rows], _offset(world, rows, share))
-    angle = np.arctan2(_slope(world, rows, share) * part, np.fmax(distance, 1e-9))
+    offset, slope = _places(world, rows, share)
+    lateral = np.where(is_done, world.lateral[rows], offset)
+    angle = np.arctan2(slope * part, np.fmax(distance, SHORTEST))
     drift = np.where(is_done, 0.0, np.where(distance > 0.0, angle, world.drift[rows]))
     world.lateral_rate[rows] = (lateral - world.lateral[rows]) / interval
     world.drift_rate[rows] = (drift - world.drift[rows]) / interval
@@ -212,40 +226,41 @@ def nudge(world: WorldRows, rows: IntArray, dt: float) -> None:
     world.y[rows] += lateral * np.cos(along)
 
 
-def _offset(world: WorldRows, rows: IntArray, p: FloatArray) -> FloatArray:
-    """Return the offsets at shares p (k,) of the way, (k,) [m]."""
+def _places(world: WorldRows, rows: IntArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the offsets at shares p (k,) of the way, and their derivatives by p, (k,) each [m]."""
     start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
+    return place_in_shift(ARRAYS, start, end, push, world.lateral_bend[rows], p)
+
+
+def place_in_shift(_: RuleOperators[V], start: V, end: V, push: V, bend: V, p: V) -> tuple[V, V]:
+    """Return the offset at a share p of the way, and its derivative by p [m]; see the head of this file."""
     square = p * p
     cube = square * p
     curve = start + (end - start) * find_way(p)
     curve = curve + push * (p + cube * (-6.0 + 8.0 * p - 3.0 * square))
-    return np.asarray(curve + world.lateral_bend[rows] * bend_way(p))
+    slope = (end - start) * slope_of(p)
+    slope = slope + push * (1.0 + square * (-18.0 + 32.0 * p - 15.0 * square))
+    return curve + bend * bend_way(p), slope + bend * bend_slope(p)
 
 
-def _slope(world: WorldRows, rows: IntArray, p: FloatArray) -> FloatArray:
-    """Return the derivatives of the offsets by p, (k,) [m]."""
-    start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
-    square = p * p
-    curve = (end - start) * slope_of(p)
-    curve = curve + push * (1.0 + square * (-18.0 + 32.0 * p - 15.0 * square))
-    return np.asarray(curve + world.lateral_bend[rows] * bend_slope(p))
+def find_way(p: V) -> V:
+    """Return the share of the way across at a share p of the time, 0..1."""
+    return p * p * p * (10.0 - 15.0 * p + 6.0 * p * p)
 
 
-def find_way(p: FloatArray) -> FloatArray:
-    """Return the share of the way across at shares p (k,) of the time, 0..1."""
-    return np.asarray(p * p * p * (10.0 - 15.0 * p + 6.0 * p * p))
+def slope_of(p: V) -> V:
+    """Return the derivative of `find_way` by p."""
+    left = 1.0 - p
+    return 30.0 * (p * p) * (left * left)
 
 
-def slope_of(p: FloatArray) -> FloatArray:
-    """Return the derivatives of `find_way` by p, (k,)."""
-    return np.asarray(30.0 * np.square(p) * np.square(1.0 - p))
+def bend_way(p: V) -> V:
+    """Return the offset at a share p of the time with a `bend` of 1 m [m]."""
+    left = 1.0 - p
+    return 0.5 * p * p * left * (left * left)
 
 
-def bend_way(p: FloatArray) -> FloatArray:
-    """Return the offsets at shares p (k,) of the time with a `bend` of 1 m, (k,) [m]."""
-    return np.asarray(0.5 * p * p * (1.0 - p) * np.square(1.0 - p))
-
-
-def bend_slope(p: FloatArray) -> FloatArray:
-    """Return the derivatives of `bend_way` by p, (k,) [m]."""
-    return np.asarray(0.5 * p * np.square(1.0 - p) * (2.0 - 5.0 * p))
+def bend_slope(p: V) -> V:
+    """Return the derivative of `bend_way` by p [m]."""
+    left = 1.0 - p
+    return 0.5 * p * (left * left) * (2.0 - 5.0 * p)

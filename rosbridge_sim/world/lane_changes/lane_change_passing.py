@@ -16,6 +16,7 @@ import numpy as np
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_model import CREEP
 from rosbridge_sim.world.drivers.lane_entries import CORRIDOR
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 from rosbridge_sim.world.lane_changes.lane_change_motion import (
@@ -120,11 +121,11 @@ def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray, edges: Edg
 
     def side_at(i: IntArray | slice, part: FloatArray, gap: FloatArray) -> FloatArray:
         """Return how far to the side vehicles i pass, after a share `part` of the way, what is ahead by `gap`."""
-        slope = (across[i] * slope_of(part) + bend[i] * bend_slope(part)) / way[i]
         # At the tail of the lead vehicle is the nose then, or, of those that pull out, what is beside it already.
         reach = np.where(is_tight[i], np.fmax(shifts.nose[i] + np.fmin(gap, 0.0), 0.0), shifts.nose[i])
-        corner = across[i] * find_way(part) + bend[i] * bend_way(part) + reach * slope / np.sqrt(1.0 + slope * slope)
-        return np.asarray(corner - world.half_width[shifts.rows[i]])
+        return np.asarray(
+            side_in_shift(ARRAYS, across[i], bend[i], way[i], part, reach, world.half_width[shifts.rows[i]])
+        )
 
     usual = np.full(len(across), CORRIDOR)
     i, edge, tail = find_edges(world, shifts) if edges is None else edges
@@ -139,6 +140,23 @@ def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray, edges: Edg
         touches = (side_at(i, np.fmin(share, 1.0), tail) <= edge) & ~(is_beyond & (share >= 1.0))
         np.minimum.at(blocked, i[touches], tail[touches])
     return blocked
+
+
+def side_in_shift(  # noqa: PLR0917 - numbers of one vehicle
+    do: RuleOperators[V], across: V, bend: V, way: V, part: V, reach: V, half_width: V
+) -> V:
+    """Return how far to the side of where it began the near side of a vehicle is at a point ahead of it [m].
+
+    Args:
+        across, way: of the whole change [m].
+        bend: see `lane_change_motion` [m].
+        part: of the way that is done.
+        reach: from its reference point to the point [m].
+        half_width: of it [m].
+    """
+    slope = (across * slope_of(part) + bend * bend_slope(part)) / way
+    corner = across * find_way(part) + bend * bend_way(part) + reach * slope / do.root(1.0 + slope * slope)
+    return corner - half_width
 
 
 def find_edges(world: WorldRows, shifts: Shifts) -> Edges:

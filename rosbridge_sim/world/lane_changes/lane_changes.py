@@ -152,12 +152,12 @@ class LaneChanges:
         assert perception.queue is not None
         world, rows = self.world, self.rows
         accel = accel.copy()
+        if drivers.leaving is not None:
+            self.mind_old_lane(drivers, perception.queue, desired_speed, accel)
         stays, change = world.leaving[self._at] == 0, world.change[self._at]
         if False in stays.tobytes():
             self.end_changes()
             stays, change = world.leaving[self._at] == 0, world.change[self._at]
-        if drivers.leaving is not None:
-            self.mind_old_lane(drivers, perception.queue, desired_speed, accel)
         self._leave_room(drivers, perception, desired_speed, accel)
         is_part = decision % LOOK_EVERY == 0
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
@@ -183,13 +183,25 @@ class LaneChanges:
         world.leaving[done] = world.signal[done] = world.change[done] = 0
         world.change_since[done] = world.frames(done)
 
-    def mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
-        """Brake for the lead vehicle in the old lane, where a vehicle that changes lanes would touch it."""
-        entries = drivers.leaving
-        assert entries is not None
+    def mind_old_lane(
+        self,
+        drivers: Drivers,
+        queue: EntryQueue,
+        desired_speed: FloatArray,
+        accel: FloatArray,
+        of: IntArray | slice = slice(None),
+    ) -> None:
+        """Brake for the lead vehicle in the old lane, where a vehicle that changes lanes would touch it.
+
+        Args:
+            accel: written.
+            of: which of the entries of those that leave their lanes.
+        """
+        assert drivers.leaving is not None
+        num, entries = len(drivers.arc), drivers.leaving
+        after = queue.position[num : num + len(entries.lane)][of] + 1
+        entries = entries.at(of)
         world, which = self.world, entries.source
-        num = len(drivers.arc)
-        after = queue.position[num : num + len(which)] + 1
         is_on = queue.lane[after] == entries.lane
         gap = np.where(is_on, queue.tail[after] - entries.s, np.inf)
         lead_speed = np.where(is_on, queue.speed[after], 0.0)

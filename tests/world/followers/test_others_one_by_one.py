@@ -127,7 +127,7 @@ def test_drivers_see_those_without_lanes_where_they_are_or_will_soon_be(
     world.x[may_move & ~world.has_lane] += 3.0  # since the drivers came, whatever can move has moved
     world.speed[(world.kind == Kind.EGO) & (world.speed == 0.0)] = 0.7
     drivers = followers.drivers()
-    found, rows, num_driving = followers.others(drivers)
+    found, rows, num_driving = followers.others(lambda: drivers)
     columns = (rows, found.lane, found.s, found.tail, found.speed, found.accel, found.stands)
     told = [Entry(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
     for seen, expected in zip((told[:num_driving], told[num_driving:]), seen_one_by_one(world, drivers), strict=True):
@@ -149,11 +149,11 @@ def test_those_that_stand_are_seen_anew_as_soon_as_one_moves() -> None:
     car(world, "a", 10.0, speed=5.0)
     followers = LaneFollowers(world)
     drivers = followers.drivers()
-    first, again = followers.others(drivers)[0], followers.others(drivers)[0]
+    first, again = (followers.others(lambda: drivers)[0] for _ in range(2))
     assert first.s.tolist() == again.s.tolist() == pytest.approx([50.0 + CAR.centre])
     for column, change in ((world.x, 2.0), (world.yaw, 0.3), (world.speed, 1.0), (world.accel, 1.0)):
         column[row] += change
-        seen, fresh = followers.others(drivers)[0], LaneFollowers(world).others(drivers)[0]
+        seen, fresh = followers.others(lambda: drivers)[0], LaneFollowers(world).others(lambda: drivers)[0]
         for name in ("lane", "s", "tail", "speed", "accel", "stands"):
             assert getattr(seen, name).tobytes() == getattr(fresh, name).tobytes()
     assert seen.accel.tolist() != first.accel.tolist()
@@ -173,7 +173,7 @@ def test_people_far_from_all_lanes_are_left_out_until_they_come_near() -> None:
         world.y[rows] = np.clip(world.y[rows] + rng.uniform(-0.5, 0.5, len(rows)), -9.0, 0.0)
         if i % 50 == 49:
             world.y[rows[i % 8]] = 0.0  # placed on the lane
-        found, fresh = followers.others(drivers), LaneFollowers(world).others(drivers)
+        found, fresh = followers.others(lambda: drivers), LaneFollowers(world).others(lambda: drivers)
         num_far += int(np.count_nonzero(followers.other_entities._bodies.find_far()))
         assert found[1].tobytes() == fresh[1].tobytes()
         for name in ("lane", "s", "tail", "speed", "accel", "stands"):

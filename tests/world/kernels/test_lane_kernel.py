@@ -169,25 +169,41 @@ def test_few_drivers_look_far_behind_likewise(name: str) -> None:
         check_both(one, other, 11)
 
 
-def test_routes_and_changes_of_lanes_are_the_same() -> None:
-    def make() -> World:
-        road_map = built_in("motorway")
-        world, rng = World(3), np.random.default_rng(3)
-        world.lay_roads(road_map.roads, road_map.plan)
-        roads = world.roads
-        for _ in range(30):
-            lane = int(rng.integers(0, len(roads)))
-            route = [lane]
-            while len(route) < 4 and len(roads.successors(route[-1])):
-                route.append(int(rng.choice(roads.successors(route[-1]))))
-            row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=float(rng.uniform(0, 25))))
-            s = float(rng.uniform(0.0, roads.length[lane]))
-            keep_lanes(world, [LaneStart(row, lane, s, route=tuple(route), wander=0.15)])
-        return world
+def on_routes(wander: float) -> World:
+    """Drivers on a motorway that must change lanes, or want to."""
+    road_map = built_in("motorway")
+    world, rng = World(3), np.random.default_rng(3)
+    world.lay_roads(road_map.roads, road_map.plan)
+    roads = world.roads
+    for _ in range(30):
+        lane = int(rng.integers(0, len(roads)))
+        route = [lane]
+        while len(route) < 4 and len(roads.successors(route[-1])):
+            route.append(int(rng.choice(roads.successors(route[-1]))))
+        row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=float(rng.uniform(0, 25))))
+        s = float(rng.uniform(0.0, roads.length[lane]))
+        keep_lanes(world, [LaneStart(row, lane, s, route=tuple(route), wander=wander)])
+    return world
 
-    one, other = make(), make()
+
+def test_routes_and_changes_of_lanes_are_the_same() -> None:
+    one, other = on_routes(0.15), on_routes(0.15)
     check_both(one, other, 200)
     assert one.change.any() or one.came_from.any()  # else nobody has changed lanes, or wanted to
+
+
+def test_arrays_go_on_with_the_changes_of_lanes_that_loops_have_begun() -> None:
+    one, other = on_routes(0.0), on_routes(0.0)
+    with with_loops():
+        while not other.leaving.any():
+            step(other)
+    with with_loops(are_there=False):
+        while one.frame < other.frame:
+            step(one)
+        for world in (one, other):
+            for _ in range(20):
+                step(world)
+    assert bits(one) == bits(other)
 
 
 def test_self_driving_ego_changes_lanes_likewise() -> None:

@@ -32,7 +32,7 @@ def decide(world: World, decision: int, accel: float = 9.0) -> tuple[FloatArray,
     """Have all drivers decide on their changes; the accelerations (n,) that they choose then, and the drivers."""
     followers = LaneFollowers(world)
     drivers = followers.drivers()
-    others, _, num_moving = followers.others(drivers)
+    others, _, num_moving = followers.others(lambda: drivers)
     perception = perceive(followers.conflicts, world.signals.may_enter, drivers, others, num_moving)
     desired = np.fmin(drivers.parameters.desired_speed, perception.safe_speed)
     chosen, _ = followers.changes.decide(drivers, perception, desired, np.full(followers.num, accel), decision)

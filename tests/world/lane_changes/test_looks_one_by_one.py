@@ -214,7 +214,7 @@ class Scene:
     def __init__(self, world: World) -> None:
         self.world, self.followers = world, LaneFollowers(world)
         self.drivers = self.followers.drivers()
-        others, _, num_moving = self.followers.others(self.drivers)
+        others, _, num_moving = self.followers.others(lambda: self.drivers)
         may_enter = world.signals.may_enter
         self.perception = perceive(self.followers.conflicts, may_enter, self.drivers, others, num_moving)
 
