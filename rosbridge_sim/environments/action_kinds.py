@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Final
 
 import numpy as np
@@ -48,7 +49,7 @@ class ActionKind:
     space: Space[Any] = Box(-1.0, 1.0, (2,), np.float32)
 
     def __init__(self, worlds: SteppedWorlds, task: DrivingTask, at: Index) -> None:
-        self._worlds, self._task, self._at = worlds, task, at
+        self._worlds, self._task, self._at, self._shape = worlds, task, at, worlds.has_ego.shape
 
     def begin(self, mask: BoolArray) -> None:
         """Begin the episodes of some worlds, (num_worlds,) bool."""
@@ -62,9 +63,9 @@ class ActionKind:
         chosen = np.asarray(actions, dtype=np.float64)
         if chosen.shape != (num, 2):
             raise ValueError(f"actions: expected shape ({num}, 2), got {chosen.shape}")
-        if not np.isfinite(chosen).all():
+        if np.count_nonzero(np.isfinite(chosen)) < chosen.size:
             raise ValueError("actions: expected finite numbers")
-        return np.clip(chosen, -1.0, 1.0)
+        return np.minimum(np.maximum(chosen, -1.0), 1.0)
 
     def command(self, chosen: FloatArray) -> dict[str, FloatArray] | None:
         """Return what `Worlds.step` takes, for actions from `check`."""
@@ -80,7 +81,9 @@ class ActionKind:
 
     def _every(self, values: FloatArray, rest: float = 0.0) -> FloatArray:
         """Return values of all egos, (num_worlds, num_egos)."""
-        found = np.full(self._worlds.has_ego.shape, rest)
+        if values.size == math.prod(self._shape):
+            return values.reshape(self._shape)
+        found = np.full(self._shape, rest)
         found[self._at] = values
         return found
 
@@ -103,7 +106,7 @@ class _DiscreteMeta(ActionKind):
     def __init__(self, worlds: SteppedWorlds, task: DrivingTask, at: Index) -> None:
         super().__init__(worlds, task, at)
         self._speeds = np.array(task.speeds)
-        self._level = np.zeros(worlds.has_ego.shape, dtype=np.int64)
+        self._level = np.zeros(self._shape, dtype=np.int64)
 
     def begin(self, mask: BoolArray) -> None:
         """Begin with the speed that is nearest to the start's."""

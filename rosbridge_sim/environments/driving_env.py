@@ -27,6 +27,7 @@ class DrivingEnv(Env[Seen, Any]):
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:  # noqa: ANN401 - those of DrivingTask
         self._many = self._make_many(render_mode=render_mode, autoreset_mode=AutoresetMode.DISABLED, **options)
+        self._many.has_masks = False
         self.task, self.worlds = self._many.task, self._many.worlds
         self.render_mode = render_mode
         self.metadata = {"render_modes": RENDER_MODES, "render_fps": self._many.episodes.fps}
@@ -69,8 +70,4 @@ class DrivingEnv(Env[Seen, Any]):
 
 def _first(infos: dict[str, Any]) -> dict[str, Any]:
     """Return the infos of one environment as plain numbers."""
-    return {
-        name: _first(values) if isinstance(values, dict) else values[0].item()
-        for name, values in infos.items()
-        if not name.startswith("_")
-    }
+    return {name: _first(values) if isinstance(values, dict) else values.item() for name, values in infos.items()}

@@ -46,7 +46,7 @@ _WHOLE: Final = ("frame_skip", "num_starts", "num_others", "num_rays", "camera_w
 _POSITIVE: Final = ("target_speed", "lidar_range", "grid_size", "grid_step")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class DrivingTask:
     """Options of an environment.
 

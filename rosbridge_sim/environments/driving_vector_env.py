@@ -39,11 +39,15 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         autoreset_mode: when an environment that has ended begins again; see Gymnasium.
         options: those of `DrivingTask`.
 
+    Attributes:
+        has_masks: infos have Gymnasium's masks.
+
     Raises:
         ValueError: an option is out of range.
     """
 
     _view: HumanView | None = None  # here, since gymnasium closes an environment whose options were refused, too
+    has_masks = True
 
     def __init__(
         self,
@@ -206,7 +210,9 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
 
     def _infos(self, result: Judgement) -> dict[str, Any]:
         """Return speed, offset, the kinds of failure and the score, with Gymnasium's masks."""
-        every = np.ones(self.num_envs, dtype=bool)
         figures = self.episodes.figures(result)
+        if not self.has_masks:
+            return figures
+        every = np.ones(self.num_envs, dtype=bool)
         figures["score"] |= {f"_{name}": every for name in result.scores}
         return {**figures, **{f"_{name}": every for name in figures}}

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -77,16 +78,18 @@ def _see_lane(worlds: DrivableWorlds, task: DrivingTask, lanes: Lanes | None) ->
     egos = worlds.egos(("speed", "steer", "yaw_rate"))
     if lanes is None:
         lanes = worlds.lanes(AHEAD)
+    points = lanes["points"].reshape(*egos["speed"].shape, -1)
     columns = [
         *(egos["speed"], lanes["offset"], lanes["heading"], lanes["to_left"], lanes["to_right"]),
-        *(egos["steer"], egos["yaw_rate"]),
+        *(egos["steer"], egos["yaw_rate"], *(points[..., i] for i in range(points.shape[-1]))),
     ]
-    points = lanes["points"]
-    parts = [np.stack(columns, axis=-1), points.reshape(*points.shape[:2], -1)]
     if task.lights:
         lights = worlds.lights()
-        parts.append(np.stack([np.fmin(lights["distance"], LIGHT_FIGURES["to_light"]), lights["must_stop"]], axis=-1))
-    return np.concatenate(parts, axis=-1)
+        columns += [np.fmin(lights["distance"], LIGHT_FIGURES["to_light"]), lights["must_stop"]]
+    found = np.empty((*egos["speed"].shape, len(columns)))
+    for i, values in enumerate(columns):
+        found[..., i] = values
+    return found
 
 
 def _others_bounds(task: DrivingTask) -> FloatArray:
@@ -128,9 +131,12 @@ OBSERVATION_PARTS: Final[
 }
 
 
+@lru_cache(maxsize=64)
 def bounds_of(name: str, task: DrivingTask) -> FloatArray:
     """Return the greatest amounts of the figures of an observation that is one array, in its shape, in SI units."""
-    return OBSERVATION_PARTS[name][0](task)
+    bounds = OBSERVATION_PARTS[name][0](task)
+    bounds.flags.writeable = False
+    return bounds
 
 
 def space_of(task: DrivingTask, worlds: DrivableWorlds) -> Space[Any]:
@@ -200,12 +206,10 @@ def _see(
     if name == "Camera":
         assert cameras is not None
         return cameras.draw()
-    bounds_in, measure = OBSERVATION_PARTS[name]
-    bounds = bounds_in(task)
-    figures = measure(worlds, task, lanes)
+    bounds, figures = bounds_of(name, task), OBSERVATION_PARTS[name][1](worlds, task, lanes)
     if task.normalize:
-        return np.clip(figures / bounds, -1.0, 1.0).astype(np.float32)
-    return np.clip(figures, -bounds, bounds).astype(np.float32)
+        return np.minimum(np.maximum(figures / bounds, -1.0), 1.0).astype(np.float32)
+    return np.minimum(np.maximum(figures, -bounds), bounds).astype(np.float32)
 
 
 def _see_own(worlds: Any, function: Callable[..., npt.ArrayLike]) -> npt.NDArray[np.float32]:  # noqa: ANN401 - what it takes

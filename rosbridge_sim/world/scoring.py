@@ -143,6 +143,9 @@ class Loops(Protocol):
             Arrays that the next look overwrites; None if arrays must do it.
         """
 
+    def see_others(self, rows: IntArray, num: int) -> FloatArray | None:
+        """Return the entities nearest to rows, as `worlds.surroundings.find_others` does; None if arrays must do it."""
+
 
 SCORE_LOOPS: Final = LoopMaker[Callable[[WorldRows], Loops]]()
 """The loops that judge egos, from the next step on."""

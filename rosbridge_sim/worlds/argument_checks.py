@@ -28,6 +28,8 @@ def broadcast(name: str, values: npt.ArrayLike, shape: tuple[int, ...]) -> Float
         ValueError: it has another shape.
     """
     array = np.asarray(values, dtype=np.float64)
+    if array.shape == shape:
+        return array
     try:
         return np.broadcast_to(array, shape)
     except ValueError:

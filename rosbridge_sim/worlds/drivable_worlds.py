@@ -12,7 +12,9 @@ from rosbridge_sim.world.followers.self_driving import change_lane, start_self_d
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.state.commands import command_all, shift
+from rosbridge_sim.world.state.entity_arrays import FLOATS, INTS
 from rosbridge_sim.world.state.world import DT, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.worlds.argument_checks import broadcast, check_number, make_out
 from rosbridge_sim.worlds.ego_table import EgoTable, Part
 from rosbridge_sim.worlds.occupancy import GRID_FIGURES, find_grids, num_cells
@@ -35,6 +37,10 @@ SCORE_FIGURES: Final = (
     *("lane_offset", "max_lane_offset", "jerk", "max_jerk", "max_lateral_accel"),
 )
 """Columns that `Worlds.scores` returns."""
+
+_SCORES: Final = FLOATS[FLOATS.index("score_distance") : FLOATS.index("max_lateral_accel") + 1]
+_COUNTS: Final = INTS[INTS.index("off_road_frames") : INTS.index("num_lane_invasions") + 1]
+"""Neighbouring columns with most of these."""
 
 _MODES: Final = {
     frozenset({"throttle", "brake"}): Mode.PEDALS,
@@ -135,10 +141,15 @@ class DrivableWorlds:
         distances = np.asarray(ahead, dtype=np.float64)
         if distances.ndim != 1 or not np.isfinite(distances).all():
             raise ValueError(f"ahead: expected finite distances of shape (p,), got shape {distances.shape}")
-        shape = self._egos.is_there.shape
+        egos = self._egos
+        shape = egos.is_there.shape
+        if egos.whole is not None:
+            figures, points = find_lanes(egos.whole, distances)
+            found = {name: values.astype(np.float64).reshape(shape) for name, values in figures.items()}
+            return {**found, "points": points.reshape(*shape, len(distances), 2).copy()}
         found = dict(zip(LANE_FIGURES, np.full((len(LANE_FIGURES), *shape), np.nan), strict=True))
         found["points"] = np.full((*shape, len(distances), 2), np.nan)
-        for part in self._egos:
+        for part in egos:
             if len(part.rows):
                 figures, points = find_lanes(part, distances)
                 found["points"][part.world, part.ego] = points
@@ -206,7 +217,9 @@ class DrivableWorlds:
         least [s], offset from the lane, now and most [m], jerk [m/s^3], lateral acceleration [m/s^2].
         """
         egos = self._egos
-        return {name: egos.gather(name) for name in SCORE_FIGURES}
+        found = egos.gather_run(_SCORES, WorldRows.block) | egos.gather_run(_COUNTS, WorldRows.int_block)
+        found["is_off_road"] = egos.gather("is_off_road")
+        return {name: found[name] for name in SCORE_FIGURES}
 
     def contacts(self) -> list[IntArray]:
         """Return for each world the ids of the pairs that touched during the last frame, (m, 2) int64 each."""
@@ -243,12 +256,13 @@ class DrivableWorlds:
                 f" {', '.join(sorted(commands)) or 'none'}"
             )
         arrays: dict[str, FloatArray] = {}
+        egos = self._egos
         for name, values in commands.items():
-            arrays[name] = self._broadcast(name, values)
-            if not np.isfinite(arrays[name][self._egos.is_there]).all():
+            arrays[name] = broadcast(name, values, egos.is_there.shape)
+            if np.count_nonzero(egos.is_there & ~np.isfinite(arrays[name])):
                 raise ValueError(f"{name}: expected finite numbers")
         if "gear" in arrays:
-            if not np.isin(arrays["gear"][self._egos.is_there], list(Gear)).all():
+            if not np.isin(arrays["gear"][egos.is_there], list(Gear)).all():
                 raise ValueError(f"gear: expected numbers within {min(Gear)}..{max(Gear)}")
             self._shift(arrays["gear"])
         for part in self._egos:
@@ -320,8 +334,12 @@ class DrivableWorlds:
         self, shape: tuple[int, ...], find: Callable[[Part], FloatArray], out: FloatArray | None = None
     ) -> FloatArray:
         """Return what `find` returns for the egos of each part, (num_worlds, num_egos, *shape); 0 without an ego."""
-        found = make_out(out, (*self._egos.is_there.shape, *shape))
-        for part in self._egos:
+        egos = self._egos
+        shape = (*egos.is_there.shape, *shape)
+        if out is None and egos.whole is not None:
+            return find(egos.whole).reshape(shape)
+        found = make_out(out, shape)
+        for part in egos:
             if len(part.rows):
                 found[part.world, part.ego] = find(part)
         return found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from operator import attrgetter
 from typing import Any, Final
 
@@ -39,6 +39,7 @@ class EgoTable:
     Attributes:
         is_there: (num_worlds, num_egos) bool, the world has so many egos.
         parts: where their columns are.
+        whole: the only one of these, if all egos are there: then its arrays have the order of the egos; else None.
     """
 
     def __init__(self, worlds: Sequence[OneOfMany]) -> None:
@@ -57,8 +58,9 @@ class EgoTable:
             Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T.copy())
             for columns, places in found.values()
         ]
-        # Usually all egos are there, in one set of columns: then these are the arrays, in half of the time.
-        self._whole = self.parts[0] if len(self.parts) == 1 and self.is_there.all() else None
+        self.whole = self.parts[0] if len(self.parts) == 1 and self.is_there.all() else None
+        if self.whole is not None:
+            self._rows: IntArray = self.whole.rows.reshape(self.is_there.shape)
         self._seen = list(map(_NUM_CHANGES, worlds))
 
     def is_true(self, worlds: Sequence[OneOfMany]) -> bool:
@@ -70,10 +72,23 @@ class EgoTable:
 
     def gather(self, name: str) -> npt.NDArray[np.float64]:
         """Return a column of the egos, (num_worlds, num_egos) float64; nan where there is no ego."""
-        if self._whole is not None:
-            column: npt.NDArray[Any] = getattr(self._whole.columns, name)
-            return column[self._whole.rows].astype(np.float64, copy=False).reshape(self.is_there.shape)
+        if self.whole is not None:
+            column: npt.NDArray[Any] = getattr(self.whole.columns, name)
+            return column.take(self._rows).astype(np.float64, copy=False)
         values = np.full(self.is_there.shape, np.nan)
         for part in self.parts:
             values[part.world, part.ego] = getattr(part.columns, name)[part.rows]
         return values
+
+    def gather_run(
+        self, names: Sequence[str], block_of: Callable[[WorldRows, str, str], npt.NDArray[Any]]
+    ) -> dict[str, npt.NDArray[np.float64]]:
+        """Return neighbouring columns by name, each as `gather` does.
+
+        Args:
+            block_of: `WorldRows.block` for floats, `WorldRows.int_block` for whole numbers.
+        """
+        if self.whole is None:
+            return {name: self.gather(name) for name in names}
+        block = block_of(self.whole.columns, names[0], names[-1]).take(self._rows, axis=1)
+        return dict(zip(names, block.astype(np.float64, copy=False), strict=True))

@@ -42,6 +42,10 @@ def find_others(part: Part, num: int) -> FloatArray:
         (k, num, 9), `OTHER_FIGURES`; zeros where there are fewer.
     """
     columns, slots, rows = part.columns, part.columns.num_worlds, part.rows
+    if SCORE_LOOPS.make is not None and len(columns.roads):
+        seen = columns.derived(SCORE_LOOPS.make).see_others(rows, num)
+        if seen is not None:
+            return seen
     slot = rows % slots
     middle_x, middle_y = (
         columns.x + columns.centre * np.cos(columns.yaw),

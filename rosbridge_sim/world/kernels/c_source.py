@@ -148,6 +148,13 @@ FOR_EGOS: Final[Mapping[str, str]] = {
 OF_LOOKS: Final[Mapping[str, str]] = {"D": "ahead points_ahead", "I": "straight_on"}
 """Distances ahead of egos on their lanes, the places there, and for each lane the one straight on."""
 
+OTHER_COLUMNS: Final[Mapping[str, str]] = {
+    "D": "x y yaw speed lateral_speed centre half_length half_width",
+    "B": "alive",
+}
+FOR_OTHERS: Final[Mapping[str, str]] = {"D": "away turn_by turn_cosine turn_sine seen", "I": "nearest"}
+"""Room for the nearest entities of egos: squared distances of one ego, and turns, figures and rows."""
+
 OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel across", "I": "before_uid pair_ego pair_row"}
 """Room for what is worked out for each ego, and what a step hands over."""
 
@@ -156,14 +163,14 @@ NUMBERS: Final = [
     *("num_entries", "num_bounds", "num_looks", "num_wandering", "num_shifted"),
     *("num_shifting", "is_possible", "has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
     *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat", "has_across"),
-    *("num_blocks", "cell_room", "num_ahead"),
+    *("num_blocks", "cell_room", "num_ahead", "num_seen"),
 ]
 """Whole numbers of the structure."""
 
 _TABLES: Final = (
     *(COLUMNS, OF_ROADS, OF_CONFLICTS, OF_NEIGHBOURS, OF_JOINS, OF_MAP, OF_DRIVERS, OF_ENTRIES),
     *(FOR_DRIVERS, FOR_QUEUE, FOR_LANES, FOR_LOOKS),
-    *(SCORE_COLUMNS, SCORE_ROADS, OF_SEGMENTS, OF_BLOCKS, FOR_EGOS, OF_LOOKS, OF_STEP),
+    *(SCORE_COLUMNS, SCORE_ROADS, OF_SEGMENTS, OF_BLOCKS, FOR_EGOS, OF_LOOKS, FOR_OTHERS, OF_STEP),
 )
 ARRAYS: Final = {name: kind for table in _TABLES for kind, names in table.items() for name in names.split()}
 """All arrays, with the type of their numbers in C."""
@@ -224,8 +231,8 @@ FUNCTIONS: Final = {
     **dict.fromkeys(("signal_changes", "take_headings", "watch_pairs", "judge_pairs"), "I I"),
     "mind_kerbs": " I",
     **dict.fromkeys(("find_slants", "move"), " D"),
-    **dict.fromkeys(("list_headings", "measure"), ""),
-    **dict.fromkeys(("look_at_lanes", "judge_egos"), "I"),
+    **dict.fromkeys(("list_headings", "measure", "describe_others"), ""),
+    **dict.fromkeys(("look_at_lanes", "judge_egos", "find_others"), "I"),
 }
 """Functions of the library: the type of the result, and that of the argument after the structure's address."""
 
@@ -268,6 +275,9 @@ AROUND_KEY: Final = 1 << 61
 WITH_ARRAYS, NO_ROOM, NEAR_EDGES = -1, -2, -3
 """Answers of loops for scores: arrays must do it; there is no room for new cells; `across` is wanted to the bit."""
 
+NUM_FIGURES: Final = 9
+"""Figures of an entity near an ego, see `worlds.surroundings`."""
+
 MORE_PAIRS: Final = 62
 """Pairs that may meet within the horizon, besides two for each ego, so that loops take them."""
 
@@ -280,6 +290,7 @@ _MORE_CONSTANTS: Final = {
     "WITH_ARRAYS": WITH_ARRAYS,
     "NO_ROOM": NO_ROOM,
     "NEAR_EDGES": NEAR_EDGES,
+    "NUM_FIGURES": NUM_FIGURES,
     "LANES_AHEAD": scoring.LANES_AHEAD,
     "NEAR_LANES": segment_cells.AROUND,
     "CORNER": math.sqrt(0.5) * segment_cells.CELL,

@@ -64,6 +64,8 @@ class CompiledLoops(Protocol):
     list_headings: Callable[[int], None]
     look_at_lanes: Callable[[int], int]
     judge_egos: Callable[[int], int]
+    find_others: Callable[[int], int]
+    describe_others: Callable[[int], None]
     measure: Callable[[int], None]
 
 

@@ -21,9 +21,12 @@ from rosbridge_sim.world.kernels.c_source import (
     CELL_PLACES,
     CELL_WORDS,
     FOR_EGOS,
+    FOR_OTHERS,
     MORE_PAIRS,
     NEAR_EDGES,
     NO_ROOM,
+    NUM_FIGURES,
+    OTHER_COLUMNS,
     PLACE_COLUMNS,
     PLACE_OF,
     SCORE_COLUMNS,
@@ -155,6 +158,38 @@ class _Look:
         return figures, self._points
 
 
+class _Others:
+    """The entities nearest to some egos; see `scoring.Loops.see_others`.
+
+    Attributes:
+        rows: (k,) int64.
+        num: entities of each.
+    """
+
+    def __init__(self, library: CompiledLoops, world: WorldRows, rows: IntArray, num: int) -> None:
+        self.rows, self.num = rows, num
+        self._do, self._yaw, self._fields = library, world.yaw, LoopFields(PLACE_OF)
+        fields, size = self._fields, num * len(rows)
+        fields.copy(world, OTHER_COLUMNS)
+        fields.make(FOR_OTHERS, size)
+        self._seen = np.zeros((len(rows), num, NUM_FIGURES))
+        fields.take(rows=rows, seen=self._seen, cosine=np.zeros(world.n), sine=np.zeros(world.n))
+        fields["n"], fields["num_seen"], fields["num_rows"] = len(rows), num, world.n
+        fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
+
+    def find(self) -> FloatArray | None:
+        """Return what `surroundings.find_others` returns; None if arrays must find it."""
+        arrays, at = self._fields.arrays, self._fields.address
+        np.cos(self._yaw, arrays["cosine"])
+        np.sin(self._yaw, arrays["sine"])
+        if self._do.find_others(at):
+            return None
+        np.cos(arrays["turn_by"], arrays["turn_cosine"])
+        np.sin(arrays["turn_by"], arrays["turn_sine"])
+        self._do.describe_others(at)
+        return self._seen.copy()
+
+
 class ScoreKernel:
     """See the head of this file. It lives until the next `World.touch`.
 
@@ -194,6 +229,7 @@ class ScoreKernel:
         fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
         fields["num_lines"] = len(fields.arrays["lines"])
         self._look: _Look | None = None
+        self._others: _Others | None = None
 
     def judge(self, before: Before) -> bool:
         """See `scoring.judge`; False if a place is too far away, or roads are too wide, for cells."""
@@ -245,6 +281,13 @@ class ScoreKernel:
         if look is None or look.rows is not rows or look.ahead.tobytes() != ahead.tobytes():
             look = self._look = _Look(self._do, self._world, rows, ahead, straight_on)
         return look.find()
+
+    def see_others(self, rows: IntArray, num: int) -> FloatArray | None:
+        """See `scoring.Loops`."""
+        others = self._others
+        if others is None or others.rows is not rows or others.num != num:
+            others = self._others = _Others(self._do, self._world, rows, num)
+        return others.find()
 
     def _judge_meetings(self, num: int) -> None:
         """Bring the times to collision up to date; there are so many pairs that may meet."""

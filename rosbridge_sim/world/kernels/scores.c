@@ -256,6 +256,62 @@ EXPORT I look_at_lanes(K *k) {
   return 0;
 }
 
+/* The middle of the box of a row, seen from a place; headings of all rows are in `cosine` and `sine`. */
+static inline V middle_from(const K *k, I r, D x, D y) {
+  V found = {k->x[r] + k->centre[r] * k->cosine[r] - x, k->y[r] + k->centre[r] * k->sine[r] - y};
+  return found;
+}
+
+/* surroundings.find_others: the nearest entities of egos, the nearest first, -1 for none, and by what they are turned. Returns 0;
+   WITH_ARRAYS for equal distances, whose order is that of numpy's partitions. */
+EXPORT I find_others(K *k) {
+  for (I i = 0; i < k->n; i++) {
+    I r = k->rows[i], found = 0, *nearest = k->nearest + k->num_seen * i;
+    D *turn_by = k->turn_by + k->num_seen * i;
+    for (I other = r % k->num_worlds; other < k->num_rows; other += k->num_worlds) {
+      if (!k->alive[other] || other == r) continue;
+      V place = middle_from(k, other, k->x[r], k->y[r]);
+      D away = place.x * place.x + place.y * place.y;
+      I at = found;
+      while (at && away < k->away[at - 1]) at--;
+      if (at && away == k->away[at - 1]) return WITH_ARRAYS;
+      if (at == k->num_seen || !(away < INFINITY)) continue;
+      if (found < k->num_seen) found++;
+      for (I j = found - 1; j > at; j--) {
+        k->away[j] = k->away[j - 1];
+        nearest[j] = nearest[j - 1];
+      }
+      k->away[at] = away;
+      nearest[at] = other;
+    }
+    for (I j = 0; j < k->num_seen; j++) {
+      if (j >= found) nearest[j] = -1;
+      turn_by[j] = j < found ? k->yaw[nearest[j]] - k->yaw[r] : 0.0;
+    }
+  }
+  return 0;
+}
+
+/* The figures of these entities; the cosines and sines of their turns are known now. */
+EXPORT void describe_others(K *k) {
+  for (I at = 0; at < k->n * k->num_seen; at++) {
+    I r = k->rows[at / k->num_seen], other = k->nearest[at];
+    D *seen = k->seen + NUM_FIGURES * at, cos_ = k->cosine[r], sin_ = k->sine[r];
+    for (int j = 0; j < NUM_FIGURES; j++) seen[j] = 0.0;
+    if (other < 0) continue;
+    V place = middle_from(k, other, k->x[r], k->y[r]);
+    seen[0] = 1.0;
+    seen[1] = place.x * cos_ + place.y * sin_;
+    seen[2] = place.y * cos_ - place.x * sin_;
+    seen[5] = k->turn_cosine[at];
+    seen[6] = k->turn_sine[at];
+    seen[3] = k->speed[other] * seen[5] - k->lateral_speed[other] * seen[6] - k->speed[r];
+    seen[4] = k->speed[other] * seen[6] + k->lateral_speed[other] * seen[5] - k->lateral_speed[r];
+    seen[7] = 2.0 * k->half_length[other];
+    seen[8] = 2.0 * k->half_width[other];
+  }
+}
+
 /* A box that slides straight: its middle and its velocity, with sines of this library, for a rough answer. */
 typedef struct { D x, y, cos_, sin_, east, north; } Sliding;
 

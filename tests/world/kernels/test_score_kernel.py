@@ -140,6 +140,46 @@ def test_egos_see_their_lanes_likewise(name: str) -> None:
             assert found[figure].tobytes() == values.tobytes(), figure
 
 
+@pytest.mark.parametrize("egos", [1, 2])
+@pytest.mark.parametrize("num_worlds", [1, 3])
+@pytest.mark.parametrize("name", ["hills", "motorway"])
+def test_egos_see_others_likewise(name: str, num_worlds: int, egos: int) -> None:
+    worlds = Worlds(name, num_worlds, traffic=9, egos=egos)
+    for num in (1, 3, 8, 40, 200):
+        worlds.step({"steering": 0.02, "speed": 12.0}, 7)
+        with with_loops(are_there=False):
+            expected = worlds.others(num)
+        with with_loops():
+            found = worlds.others(num)
+        assert found.tobytes() == expected.tobytes(), num
+        assert expected[..., 0].any()
+
+
+@pytest.mark.parametrize("num", [1, 3])
+def test_arrays_choose_between_others_at_one_distance(num: int) -> None:
+    worlds = Worlds("motorway")
+    worlds.place(0, x=500.0, y=2.0, yaw=0.3)
+    for x, y in ((530.0, 2.0), (500.0, 10.0), (500.0, -6.0), (496.0, 2.0)):
+        worlds.spawn(0, "Traffic_Cone", x=x, y=y)
+    with with_loops(are_there=False):
+        expected = worlds.others(num)
+    with with_loops():
+        assert worlds.others(num).tobytes() == expected.tobytes()
+    part = worlds._egos.parts[0]
+    kernel = make_score_kernel()(part.columns)
+    assert kernel.see_others(part.rows, num) is None
+
+
+def test_others_that_were_seen_stay_as_they_were() -> None:
+    worlds = Worlds("motorway", traffic=5)
+    with with_loops():
+        seen = worlds.others(3)
+        before = seen.copy()
+        worlds.step({"steering": 0.1, "speed": 20.0}, 20)
+        assert worlds.others(3).tobytes() != before.tobytes()
+    assert np.array_equal(seen, before)
+
+
 def test_lanes_that_were_seen_stay_as_they_were() -> None:
     worlds = Worlds("motorway")
     with with_loops():
