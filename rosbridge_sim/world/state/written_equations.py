@@ -8,12 +8,18 @@ the equations themselves. `recorded_equations` does the same for arrays; both gi
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, wrap_angle
+
+_NAME: Final = re.compile(r"\bb\d+\b")
+_MADE_AND_USED: Final = 2
+"""Names of terms, and how often that of a term stands in the lines if it is used once."""
 
 
 class Term:
@@ -95,7 +101,7 @@ class Script:
         return self._make(", ".join(term.name for term in self.given), 1, results)
 
     def _make(self, parameters: str, begin: int, results: Sequence[Term]) -> Callable[..., tuple[float, ...]]:
-        lines = [*self.lines[begin:], f"return {', '.join(term.name for term in results)},"]
+        lines = _nest([*self.lines[begin:], f"return {', '.join(term.name for term in results)},"])
         source = f"def function({parameters}):\n" + "".join(f"    {line}\n" for line in lines)
         space: dict[str, Any] = {"sin": np.sin, "cos": np.cos, "arctan": np.arctan, "sqrt": math.sqrt, "wrap": _wrap}
         exec(compile(source, f"<equations of {len(self.given)} numbers>", "exec"), space)  # noqa: S102 - our own lines
@@ -154,6 +160,21 @@ class WrittenOperators:
     def wrap(self, a: Term, /) -> Term:
         """Return an angle within (-pi, pi]; one inside keeps its bits."""
         return self._script.write(f"{{0}} if {-math.pi!r} < {{0}} <= {math.pi!r} else wrap({{0}})", a)
+
+
+def _nest(lines: Sequence[str]) -> list[str]:
+    """Return lines with each number that is used once in the place where it is used: it needs no name then."""
+    nested: dict[str, str] = {}
+    uses = Counter(word for line in lines for word in _NAME.findall(line))
+    left = []
+    for each in lines:
+        line = _NAME.sub(lambda found: nested.get(found[0], found[0]), each)
+        name, _, expression = line.partition(" = ")
+        if uses[name] == _MADE_AND_USED and "cell" not in line:
+            nested[name] = f"({expression})"
+        else:
+            left.append(line)
+    return left
 
 
 def _wrap(angle: float) -> float:

@@ -56,6 +56,15 @@ def test_functions_give_the_bits_of_arrays() -> None:
         assert np.array(written).T.tobytes() == np.array(targets).tobytes()
 
 
+def test_only_numbers_that_are_used_again_get_names() -> None:
+    script = Script(2)
+    x, y = script.given
+    total = 2.0 * x + y
+    function = script.compile_rule([total * total - 1.0 / (y + 3.0)])
+    assert function.__code__.co_varnames == ("a0", "a1", total.name)
+    assert function(0.1, 0.3) == ((2.0 * 0.1 + 0.3) * (2.0 * 0.1 + 0.3) - 1.0 / (0.3 + 3.0),)
+
+
 def test_function_may_be_called_again_and_again() -> None:
     script = Script(2)
     x, y = script.given
