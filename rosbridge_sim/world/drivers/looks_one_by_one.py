@@ -6,6 +6,8 @@ It finds what `driver_perception` finds for all drivers at once, to the last bit
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from rosbridge_sim.world.drivers.driver_model import Perception, SlowVehicles, f
 from rosbridge_sim.world.drivers.lane_entries import Drivers, EntryQueue
 from rosbridge_sim.world.drivers.look_rules import MUCH_SLOWER, foresee, slow_down
 from rosbridge_sim.world.drivers.right_of_way import Requests
+from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD
 from rosbridge_sim.world.drivers.rule_operators import written
 from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.roads.lane_conflicts import MIN_SAFE_SPEED, LaneConflicts, foresight
@@ -41,8 +44,9 @@ def look_one_by_one(
     foreseen = map(written(foresee, 15), speed, accel, nose, *others, comfort, headway, reaction, arc, *here)
     reach, codes = foresight(drivers.speed, parameters.reaction), (drivers.claim, drivers.held, drivers.lanes.T)
     place = reach.tolist(), *(column.tolist() for column in codes)
-    rows = enumerate(zip(arc, speed, accel, nose, comfort, reaction, *place, foreseen, strict=True))
-    gap, lead_at, stop_distance, square = zip(*[looks.look(i, *row) for i, row in rows], strict=True)
+    gap, lead_at, stop_distance, square = looks.look(
+        zip(range(num), arc, speed, accel, nose, comfort, reaction, *place, foreseen, strict=True)
+    )
     lead, gaps = np.array(lead_at), np.array(gap)
     slow = looks.find_slow(lead_at, drivers)
     return Perception(
@@ -92,58 +96,57 @@ class _Looks:
         self._lane, self._tail, self._first_on = queue.lane.data, queue.tail.data, queue.first.data
         self._speed, self._source = queue.speed.data, queue.source.data
 
-    def look(  # noqa: PLR0917 - numbers of one driver
-        self,
-        i: int,
-        arc: float,
-        speed: float,
-        accel: float,
-        nose: float,
-        comfort: float,
-        reaction: float,
-        reach: float,
-        claim: int,
-        held: int,
-        lanes: list[int],
-        foreseen: tuple[float, ...],
-    ) -> tuple[float, int, float, float]:
-        """Return the gap ahead of driver `i`, where its lead vehicle is in the queue, its stop and its safe square."""
-        tail, lane = self._tail, lanes[0]
-        lead = self._position[i] + 1
-        if self._lane[lead] != lane:
-            lead = self._num
-        gap = tail[lead] - arc - nose
-        horizon, stop_way, limit_factor, bend_factor, surplus, square = foreseen
-        length, wait_point, *_ = self._lanes[lane]
-        to_wait = wait_point - arc - nose
-        # It asks for its own lane where that crosses others only farther on, beyond its wait point.
-        asks = 0.0 < to_wait < math.inf and held != lane and (claim != lane or to_wait > stop_way)
-        if asks:
-            claim = self._ask(i, claim, lane, lanes[1], to_wait)
-        stop, distance = math.inf, length - arc
-        held_at = self._find_held(held, lanes, nose - distance) if held >= 0 and nose >= distance else 0
-        for part in range(1, len(lanes)):
-            if distance >= horizon:
-                break
-            lane, to_line = lanes[part], distance - nose
-            if lane < 0:
-                stop = min(stop, to_line)
-                break
-            if not self._may_enter[lane] and 0.0 < to_line > self._firm_stop(speed, accel, reaction)[0]:
-                stop = min(stop, to_line)
-                if claim == lane:
-                    claim = self._claim[i] = -1
-            length, wait_point, *there = self._lanes[lane]
-            to_wait = to_line + wait_point
-            if part > held_at and to_wait < math.inf == stop and not asks and (claim != lane or to_wait > stop_way):
-                asks, exit_lane = True, lanes[part + 1] if part + 1 < len(lanes) else -1
-                claim = self._ask(i, claim, lane, exit_lane, to_wait)
-            square = min(square, *self._slow_down(distance, reach, comfort, limit_factor, bend_factor, surplus, *there))
-            if gap == math.inf:
-                lead = self._first_on[lane]
-                gap = distance + tail[lead] - nose
-            distance += length
-        return gap, lead, stop, square
+    def look(self, drivers: Iterable[tuple[Any, ...]]) -> tuple[list[float], list[int], list[float], list[float]]:
+        """Return the gap ahead of each driver, where its lead vehicle is in the queue, its stop and its safe square.
+
+        Args:
+            drivers: of each its index; the arc length, speed and acceleration; its nose, comfort and reaction; how far
+                it heeds limits and bends; its claim, the lane that it holds, its lanes, and what `foresee` returns.
+        """
+        numbers, position, lane_at, tail, first_on = self._lanes, self._position, self._lane, self._tail, self._first_on
+        may_enter, slowed, firm, none, inf = self._may_enter, self._slow_down, self._firm_stop, self._num, math.inf
+        gaps, leads, stops, squares = [], [], [], []
+        for i, arc, speed, accel, nose, comfort, reaction, reach, claimed, held, lanes, foreseen in drivers:
+            horizon, stop_way, limit_factor, bend_factor, surplus, square = foreseen
+            claim, lane, lead = claimed, lanes[0], position[i] + 1
+            if lane_at[lead] != lane:
+                lead = none
+            gap, stop, (length, wait_point, *_) = tail[lead] - arc - nose, inf, numbers[lane]
+            to_wait, distance = wait_point - arc - nose, length - arc
+            # It asks for its own lane where that crosses others only farther on, beyond its wait point.
+            asks = 0.0 < to_wait < inf and held != lane and (claim != lane or to_wait > stop_way)
+            if asks:
+                claim = self._ask(i, claim, lane, lanes[1], to_wait)
+            held_at = self._find_held(held, lanes, nose - distance) if held >= 0 and nose >= distance else 0
+            part = 0
+            while distance < horizon and part < NUM_AHEAD:
+                part += 1
+                lane, to_line = lanes[part], distance - nose
+                if lane < 0:
+                    stop = min(stop, to_line)
+                    break
+                if not may_enter[lane] and 0.0 < to_line > firm(speed, accel, reaction)[0]:
+                    stop = min(stop, to_line)
+                    if claim == lane:
+                        claim = self._claim[i] = -1
+                length, wait_point, limit, least_limit, bend, least_bend = numbers[lane]
+                to_wait = to_line + wait_point
+                if part > held_at and to_wait < inf == stop and not asks and (claim != lane or to_wait > stop_way):
+                    asks, exit_lane = True, lanes[part + 1] if part < NUM_AHEAD else -1
+                    claim = self._ask(i, claim, lane, exit_lane, to_wait)
+                (slow,) = slowed(
+                    distance, reach, comfort, limit_factor, bend_factor, surplus, limit, least_limit, bend, least_bend
+                )
+                square = min(square, slow)
+                if gap == inf:
+                    lead = first_on[lane]
+                    gap = distance + tail[lead] - nose
+                distance += length
+            gaps.append(gap)
+            leads.append(lead)
+            stops.append(stop)
+            squares.append(square)
+        return gaps, leads, stops, squares
 
     def _find_held(self, held: int, lanes: list[int], beyond: float) -> int:
         """Return what `find_entered` does for the lane that a driver holds; its nose is beyond the first lane [m]."""
@@ -164,7 +167,7 @@ class _Looks:
         requests.again[i], self._claim[i] = True, -1
         return -1
 
-    def find_slow(self, lead_at: tuple[int, ...], drivers: Drivers) -> list[int]:
+    def find_slow(self, lead_at: Sequence[int], drivers: Drivers) -> list[int]:
         """Return the drivers that mind the vehicle ahead of their lead vehicle."""
         leaving = () if drivers.leaving is None else drivers.leaving.source.tolist()
         lane, speed, source, own_speed, found = self._lane, self._speed, self._source, drivers.speed.data, []
