@@ -25,7 +25,7 @@ import numpy as np
 from rosbridge_sim.world.drivers.driver_model import BRAKE_FROM, CREEP, GAP, STOP_GAP, Perception
 from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, is_any
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -101,7 +101,7 @@ def find_entered(roads: Roads, lanes: IntArray, nose: FloatArray, lane: IntArray
         for i, (here, there) in enumerate(pairwise(lanes), 1):
             beyond = beyond - roads.length[here]
             is_on = beyond >= 0.0
-            if not np.count_nonzero(is_on):
+            if not is_any(is_on):
                 break
             place[at[is_on & (there == lane) & (lane >= 0)]] = i
     return place
@@ -139,7 +139,7 @@ def give_claims(
     # here, the driver would have to stop before a lane that it was about to enter.
     claim = drivers.claim[at]
     is_ahead = (claim >= 0) & np.logical_or.reduce(drivers.lanes.take(at, axis=1) == claim)
-    if np.count_nonzero(is_ahead):
+    if is_any(is_ahead):
         # At the end of a lane shorter than its nose it would wait for ever: its reference point would not be there.
         is_entered = is_ahead & (conflicts.roads.length[claim] < drivers.nose[at] + STOP_GAP + CREEP)
         nose = drivers.arc[at] + drivers.nose[at]
@@ -167,7 +167,7 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     moving = others.first(num_moving)
     index, link = find_rivals(conflicts, drivers, requests.lane[at], at, moving)
     has_room = _has_room(conflicts, drivers, requests, queue, at)
-    if np.count_nonzero(conflicts.rival_passes):  # without rivals it may stop on the lane
+    if is_any(conflicts.rival_passes):  # without rivals it may stop on the lane
         has_room |= np.bincount(index, minlength=len(at)) == 0
     perception.is_shut_out[at[~has_room]] = True
     stands = np.zeros(len(conflicts.wait_point), dtype=bool)
@@ -175,12 +175,41 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     is_free = ~stands[requests.lane[at]]
     perception.is_blocked[at[~is_free]] = True
     asks = has_room & is_free
-    if not np.count_nonzero(asks):
+    if not is_any(asks):
         return
     keeps = asks[index]
-    index, link, at = (np.cumsum(asks) - 1)[index[keeps]], link[keeps], at[asks]
-    lane = requests.lane[at]
-    rank = np.empty(len(at), dtype=np.int64)
+    index, link, at = (asks.cumsum() - 1)[index[keeps]], link[keeps], at[asks]
+    holds, rival = _find_holds(conflicts, drivers), conflicts.rivals.other[link]
+    is_own, is_taken = _are_taken(conflicts, drivers, holds, at[index], link, moving=moving)
+    stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
+    perception.is_blocked[at[index[stands[rival] & (is_taken | ~is_own)]]] = True
+    if len(at) > 1:
+        is_taken |= _are_later(conflicts, drivers, requests, at, index, link, holds=holds, is_taken=is_taken)
+    given = at[np.bincount(index[is_taken], minlength=len(at)) == 0]
+    drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
+
+
+def _are_later(  # noqa: PLR0917 - those of `_give`, and what it found
+    conflicts: LaneConflicts,
+    drivers: Drivers,
+    requests: Requests,
+    at: IntArray,
+    index: IntArray,
+    link: IntArray,
+    *,
+    holds: tuple[IntArray, IntArray, FloatArray],
+    is_taken: BoolArray,
+) -> BoolArray:
+    """Return for pairs of lanes with rivals whether another driver asks for the rival and goes first, (m,).
+
+    Args:
+        at: (k,) int64, the drivers that ask.
+        index: (m,) int64, which of these asks for the lane of a pair.
+        link: (m,) int64, the pairs; see `Links.of`.
+        holds: see `_find_holds`.
+        is_taken: (m,) others have the rivals already.
+    """
+    lane, rank = requests.lane[at], np.empty(len(at), dtype=np.int64)
     # Beside a full road without a stop line those at one would never come: now and then each is let in.
     is_let_in = drivers.is_let_in[at] & (drivers.speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
     distance, yields = requests.distance[at], conflicts.gives_way[lane] & ~is_let_in
@@ -194,19 +223,13 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     rank[order] = np.arange(len(at))
     best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
     np.minimum.at(best, lane, rank)
-    holds = _find_holds(conflicts, drivers)
-    is_own, is_taken = _are_taken(conflicts, drivers, holds, at[index], link, moving=moving)
     is_later = best[rival] < rank[index]
     for pair in (is_later & ~is_taken & (drivers.held[at[index]] >= 0)).nonzero()[0].tolist():
         # Those who would go first, but wait for this driver to leave the crossing, do not count.
         body = holds[1][holds[0] == at[index[pair]]]
         waits = np.bincount(index[is_taken & is_among(rival, body)], minlength=len(at)) > 0
         is_later[pair] = ((lane == rival[pair]) & (rank < rank[index[pair]]) & ~waits).any()
-    is_refused = is_taken | is_later
-    stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
-    perception.is_blocked[at[index[stands[rival] & (is_taken | ~is_own)]]] = True
-    given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
-    drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
+    return np.asarray(is_later)
 
 
 def find_rivals(
@@ -223,7 +246,7 @@ def find_rivals(
     """
     index, link = conflicts.rivals.of(lane)
     passes = conflicts.rival_passes[link]
-    if not np.count_nonzero(passes):
+    if not is_any(passes):
         return index, link
     is_long = drivers.length > HEAVY_LENGTH
     has_long = np.zeros(len(conflicts.wait_point) + 1, dtype=bool)  # the last one stands for no lane
@@ -256,7 +279,7 @@ def _find_holds(conflicts: LaneConflicts, drivers: Drivers) -> tuple[IntArray, I
     at = (drivers.held >= 0).nonzero()[0]
     held, tail = drivers.held[at], _tail_on_held_lane(conflicts, drivers, at)
     is_entered = np.isinf(tail)
-    if not np.count_nonzero(is_entered):
+    if not is_any(is_entered):
         return at, held, tail
     found = [(at, held, tail)]
     # From the reference point to the lane that the nose is on: each is taken as a whole
@@ -305,7 +328,7 @@ def _are_taken(
     """
     rival, figure, num = conflicts.rivals.other[link], conflicts.rivals.figure[link], len(conflicts.wait_point)
     is_taken = _taken(conflicts, drivers, holds, moving)[rival] < figure
-    if not np.count_nonzero(drivers.held[who] >= 0):
+    if not is_any(drivers.held[who] >= 0):
         return np.zeros(len(who), dtype=bool), is_taken
     # Where lanes are short the driver itself may be on the rival.
     is_own = is_among(who * num + rival, holds[0] * num + holds[1])
@@ -331,8 +354,10 @@ def _taken(
     """
     taken = np.full(len(conflicts.wait_point), np.inf)
     who, lane, tail = holds
-    counts = who != but
-    np.minimum.at(taken, lane[counts], tail[counts])
-    np.minimum.at(taken, moving.lane, moving.tail)
+    if len(who):
+        counts = who != but
+        np.minimum.at(taken, lane[counts], tail[counts])
+    if len(moving.lane):
+        np.minimum.at(taken, moving.lane, moving.tail)
     taken[drivers.claim[drivers.claim >= 0]] = -np.inf
     return taken
