@@ -16,7 +16,7 @@ import numpy as np
 
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, is_any
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.labels import usual_wheelbase
@@ -284,16 +284,19 @@ def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArr
 
 def rear_axles(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the places of the rear axles, (k, 3) [m], and what `headings` returns, with one search for both axles."""
-    arcs = np.concatenate([arc, arc + wheelbase])
-    point, share = roads.locate(*find_ahead(roads, np.concatenate([lanes, lanes], axis=1), arcs))
-    places, num = roads.places(point, share), len(arc)
+    num = len(arc)
+    arcs, both = np.empty(2 * num), np.empty((len(lanes), 2 * num), dtype=np.int64)
+    arcs[:num], both[:, :num], both[:, num:] = arc, lanes, lanes
+    np.add(arc, wheelbase, arcs[num:])
+    point, share = roads.locate(*find_ahead(roads, both, arcs))
+    places = roads.places(point, share)
     rear = places[:num]
     step = places[num:] - rear
     east, north = step[:, 0], step[:, 1]
     # At the end of the last lane there is no line for the front axle: take the direction of the lane.
     is_short = np.hypot(east, north) < 0.5 * wheelbase
     heading = np.arctan2(north, east)
-    if np.count_nonzero(is_short):
+    if is_any(is_short):
         heading[is_short] = roads.between(point[num:][is_short], share[num:][is_short])[1]
     return rear, heading
 

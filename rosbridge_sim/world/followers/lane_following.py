@@ -273,8 +273,9 @@ class LaneFollowers:
             self.egos.command(lanes[:, index], wanted[index])
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
-        waits = ((perception.is_shut_out | perception.is_blocked) & (speed < CREEP)).nonzero()[0]
-        if len(waits):
+        is_held_up = perception.is_shut_out | perception.is_blocked
+        if is_any(is_held_up):
+            waits = (is_held_up & (speed < CREEP)).nonzero()[0]
             is_turn = (self._decision() + self.uid) % MAX_WAIT_DECISIONS == 0
             waits = waits[is_turn[waits]]
             if len(waits):
@@ -439,9 +440,10 @@ class LaneFollowers:
             self._read(columns, past)
         leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = leg
         distance = arc - leg_start
-        for place, start, direction in ((x, leg_x, leg_dx), (y, leg_y, leg_dy)):
-            np.multiply(distance, direction, place)
-            np.add(place, start, place)
+        np.multiply(distance, leg_dx, x)
+        np.multiply(distance, leg_dy, y)
+        x += leg_x
+        y += leg_y
         if self._bends is None or not self.roads.is_flat:  # else the height is that of the last step
             np.multiply(distance, leg_dz, z)
             np.add(z, leg_z, z)
@@ -453,7 +455,8 @@ class LaneFollowers:
             x -= aside * leg_dy
             y += aside * leg_dx
         yaw += yaw_rate * dt
-        is_beyond = np.abs(yaw) >= math.pi
+        is_beyond = yaw > math.pi
+        is_beyond |= yaw <= -math.pi  # nearly always some drive due west, which is pi
         if is_any(is_beyond):
             yaw[is_beyond] = wrap_angle(yaw[is_beyond])
         self._write(columns, slice(None))
@@ -462,7 +465,7 @@ class LaneFollowers:
         """Return the bends of the legs with these starts and ends, (n,); nothing where all are straight."""
         curve = self.roads.curve.take(self.world.point[self.at], axis=0)
         # Until the first decision the leg of a self-driving ego has no end.
-        return (np.asfortranarray(curve), np.fmin(leg_end - leg_start, LONGEST_LEG)) if np.count_nonzero(curve) else ()
+        return (curve, np.fmin(leg_end - leg_start, LONGEST_LEG)) if np.count_nonzero(curve) else ()
 
     def _columns(self) -> Sequence[FloatArray]:
         """Return the columns of `_MOTION`, (n,) each: views where the rows are neighbours, else copies."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from rosbridge_sim.world.drivers.driver_model import FIRM
 from rosbridge_sim.world.drivers.lane_entries import CORRIDOR, Drivers, Entries, find_entries
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_any, ranges
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind
@@ -140,7 +140,7 @@ class _Bodies:
         rows = self._rows[heeding]
         x, y = place = world.block("x", "y").take(rows, axis=1)
         moved = np.hypot(*(place - self._looked_from))
-        if np.count_nonzero(moved > np.fmax(self._room, RETRY)):
+        if is_any(moved > np.fmax(self._room, RETRY)):
             self._looked_from, moved = place, np.zeros(len(rows))
             self._room = world.roads.clearance(x, y, self._reach + FAR) - self._reach - CERTAIN
         is_far[heeding] = (moved < self._room) & (world.yields[rows] < COMMITTED)
@@ -154,7 +154,7 @@ class _Bodies:
         """
         world, rows = self._world, self._rows[which]
         now = world.block(*_MOTION).take(rows, axis=1)
-        if np.count_nonzero(world.yields[rows] >= COMMITTED):
+        if is_any(world.yields[rows] >= COMMITTED):
             return self._find_on_ways(rows, which, now)
         bits = now.tobytes() + which.tobytes()
         if bits != self._bits:  # else all stand where they stood at the last decision

@@ -86,12 +86,10 @@ class LaneChanges:
 
     def find_leaving(self, drivers: Drivers) -> Entries | None:
         """Return the entries of those that change lanes on the lanes that they leave; None if there are none."""
-        if not self.is_possible:
-            return None
         world, at = self.world, self._at
-        leaves = world.leaving[at] > 0
-        if not is_any(leaves):
+        if not self.is_possible or not np.count_nonzero(world.leaving[at]):
             return None
+        leaves = world.leaving[at] > 0
         is_near = np.abs(world.lateral[at] - world.lateral_to[at]) > self._off_old_lane
         which = (leaves & is_near).nonzero()[0]
         if not len(which):
@@ -117,9 +115,11 @@ class LaneChanges:
         lateral = parameters.lateral
         if not self.is_possible:
             return lateral
-        world, rows = self.world, self.rows
-        leaves = world.leaving[self._at] > 0
-        which = (leaves | (world.change[self._at] >= int(LaneChange.ROUTE))).nonzero()[0]
+        world, rows, at = self.world, self.rows, self._at
+        if not (np.count_nonzero(world.leaving[at]) or np.count_nonzero(world.change[at])):
+            return lateral
+        leaves = world.leaving[at] > 0
+        which = (leaves | (world.change[at] >= int(LaneChange.ROUTE))).nonzero()[0]
         if not len(which):
             return lateral
         way = np.abs(world.lateral_to[rows[which]] - world.lateral_from[rows[which]])
@@ -154,20 +154,21 @@ class LaneChanges:
         accel = accel.copy()
         if drivers.leaving is not None:
             self.mind_old_lane(drivers, perception.queue, desired_speed, accel)
-        stays, change = world.leaving[self._at] == 0, world.change[self._at]
-        if False in stays.tobytes():
+        if np.count_nonzero(world.leaving[self._at]):
             self.end_changes()
-            stays, change = world.leaving[self._at] == 0, world.change[self._at]
         self._leave_room(drivers, perception, desired_speed, accel)
-        is_part = decision % LOOK_EVERY == 0
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
         # `LOOK_EVERY`-th.
+        is_part, change = decision % LOOK_EVERY == 0, world.change[self._at]
+        is_due = is_part if isinstance(is_part, bool) else is_any(is_part)
+        if not is_due and not np.count_nonzero(change):
+            return accel, False
         looks = change >= int(LaneChange.ROUTE)
-        if np.any(is_part):
+        if is_due:
             looks |= is_part & (change >= int(LaneChange.FASTER))
             is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
             looks |= is_turn & self.neighbours.has_side[drivers.lanes[0]]
-        which, has_begun = (looks & self.may & stays).nonzero()[0], False
+        which, has_begun = (looks & self.may & (world.leaving[self._at] == 0)).nonzero()[0], False
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
             begins = look.decide(accel, decision)
@@ -252,7 +253,7 @@ class LaneChanges:
         """Keep more room than in a queue behind what is slow and follows no lane: it may stay where it stands."""
         is_slow = (perception.gap < BLOCKED_WAY) & (perception.lead_speed < SLOW) & (drivers.speed < SLOW)
         at = (is_slow & (perception.lead < 0)).nonzero()[0]
-        which = at[self.neighbours.has_side[drivers.lanes[0, at]] & self.may[at]] if len(at) else at
+        which = at[self.neighbours.has_side[drivers.lanes[0][at]] & self.may[at]] if len(at) else at
         if not len(which):
             return
         gap = perception.gap[which] - SPARE_ROOM
