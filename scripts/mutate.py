@@ -98,6 +98,8 @@ TESTS = {
     "shell/rendering": "shell/rendering",
     "contracts": "contracts",
     "doctor": "doctor",
+    "maps/opendrive": "maps",
+    "scenarios/openscenario": "scenarios/openscenario simulator/story",
     "mock": "mock",
 }
 """The central files and folders, with the tests that should notice their mutants."""

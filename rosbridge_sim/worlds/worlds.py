@@ -59,7 +59,7 @@ class Worlds(SteppedWorlds):
             before the first step.
         vehicle: model of the first ego, a name of the catalogue; None for that of the scenario.
         dynamics: model that moves the egos; see `--dynamics`.
-        impacts: collisions change motion; see `--impacts`.
+        impacts: collisions change motion; see `--on-collision`.
         library: has scenarios, maps and models; one that is kept saves reading them again for the next worlds. None for
             a new one.
 

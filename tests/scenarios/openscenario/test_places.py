@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.scenarios.openscenario import places
 from rosbridge_sim.scenarios.openscenario.places import MapPlace, OnLane, StoryMap, predecessors
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem
 from rosbridge_sim.world.roads.roads import Roads
@@ -80,16 +81,18 @@ def test_place_on_a_link_is_beside_its_line() -> None:
 
 def test_places_along_a_trajectory_are_beside_its_pieces() -> None:
     corners = [
-        item("Vertex", item("Position", item("WorldPosition", x=x, y=y, z=0.0))) for x, y in ((0, 0), (30, 0), (30, 40))
+        item("Vertex", item("Position", item("WorldPosition", x=x, y=y, z=z)))
+        for x, y, z in ((0, 0, 0), (30, 0, 3), (30, 40, 7))
     ]
     shape = item("TrajectoryRef", item("Trajectory", item("Shape", item("Polyline", *corners))))
 
     def at(s: float, t: float = 0.0) -> tuple[float, ...]:
         return find(item("TrajectoryPosition", shape, s=s, t=t))[:4]
 
-    assert at(10.0, 2.0) == pytest.approx((10.0, 2.0, 0.0, 0.0))
-    assert at(50.0, 2.0) == pytest.approx((28.0, 20.0, 0.0, math.pi / 2))
-    assert at(70.0) == pytest.approx((30.0, 40.0, 0.0, math.pi / 2))
+    assert at(0.0) == (0.0, 0.0, 0.0, 0.0)
+    assert at(10.0, 2.0) == pytest.approx((10.0, 2.0, 1.0, 0.0))
+    assert at(50.0, 2.0) == pytest.approx((28.0, 20.0, 5.0, math.pi / 2))
+    assert at(70.0) == pytest.approx((30.0, 40.0, 7.0, math.pi / 2))
     with pytest.raises(DocumentError, match=r"s: expected 0\.\.70\.00 m, the length of the trajectory, got 71"):
         at(71.0)
 
@@ -99,6 +102,7 @@ def test_lanes_beside_and_ways_along_a_lane_are_counted_from_the_entity() -> Non
     assert find(item("RelativeLanePosition", **values, ds=10.0))[:2] == pytest.approx((50.0, 3.5))
     assert find(item("RelativeLanePosition", **values, dsLane=-10.0, offset=-0.5))[:2] == pytest.approx((30.0, 3.0))
     assert find(item("RelativeLanePosition", entityRef="car", dLane=0, ds=0.0))[:2] == pytest.approx((40.0, 0.0))
+    assert find(item("RelativeLanePosition", entityRef="car", dLane=0))[:2] == pytest.approx((40.0, 0.0))
     assert find(item("RelativeRoadPosition", entityRef="car", ds=20.0, dt=0.5))[:2] == pytest.approx((60.0, 1.5))
     with pytest.raises(DocumentError, match=r"own\.xosc:7: RelativeLanePosition: no lane -1 beside link 'a'"):
         find(item("RelativeLanePosition", entityRef="car", dLane=-1, ds=0.0))
@@ -357,3 +361,17 @@ def test_lane_two_to_the_left_is_found_by_two_steps_on_a_map_without_roads() -> 
     assert story_map.beside(OnLane(2, 40.0, 0.0), -2) == (0, -7.0)
     with pytest.raises(DocumentError, match=r"no lane \+3 beside link 'a'"):
         story_map.beside(OnLane(0, 40.0, 0.0), 3)
+
+
+def test_ground_of_the_first_lane_has_its_height() -> None:
+    roads = Roads(["up"], [np.array([(0.0, 0.0, 5.0), (100.0, 0.0, 5.0)])], [[]], [3.5], [15.0])
+    assert find(item("WorldPosition", x=50.0, y=1.0), StoryMap(roads))[:3] == pytest.approx((50.0, 1.0, 5.0))
+
+
+@pytest.mark.parametrize("way", [500.0, -500.0])
+def test_way_around_a_ring_ends_after_so_many_lanes(monkeypatch: pytest.MonkeyPatch, way: float) -> None:
+    monkeypatch.setattr(places, "MAX_MOVED", 5)
+    lines = [np.array([(x, 0.0, 0.0), (x + 10.0, 0.0, 0.0)]) for x in (0.0, 10.0)]
+    story_map = StoryMap(Roads(["a", "b"], lines, [[1], [0]], [3.5] * 2, [15.0] * 2))
+    there, left = story_map.move(OnLane(0, 5.0, 0.0), way, ())
+    assert (there.lane, there.s, left) == ((0, 10.0, 455.0) if way > 0.0 else (0, 0.0, -455.0))

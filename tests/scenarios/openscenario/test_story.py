@@ -441,3 +441,13 @@ def test_element_that_a_condition_names_and_the_story_has_not_is_a_mistake_or_a_
     assert told("event", "e") == told("act", "story::act") == told("maneuverGroup", "group") == []
     assert told("event", "act::ee") == [f"{key}: there is no 'ee'"]
     assert told("action", "e") == [f"{key}: there is no 'e'"]
+
+
+def test_state_of_a_light_that_no_light_has_is_a_mistake_or_a_note() -> None:
+    action = '<TrafficSignalAction><TrafficSignalStateAction name="T" state="blue"/></TrafficSignalAction>'
+    act = f"<GlobalAction><InfrastructureAction>{action}</InfrastructureAction></GlobalAction>"
+    text = story({"Ego": ""}, group("Ego", event("e", act, after(1))))
+    with pytest.raises(DocumentError, match=r"TrafficSignalStateAction\.state: expected a state such as red, .*'blue'"):
+        read(text)
+    (note,) = read(text, is_lenient=True).findings.notes
+    assert note.endswith("got 'blue'")

@@ -52,6 +52,7 @@ def test_values_have_the_types_of_the_table() -> None:
     found = Reading('<Event name="e" priority="skip" maximumExecutionCount="3"/>').values
     assert found == {"name": "e", "priority": "skip", "maximumExecutionCount": 3}
     assert isinstance(found["maximumExecutionCount"], int)
+    assert Reading('<Event name="e" maximumExecutionCount="0"/>').values["maximumExecutionCount"] == 0
     assert Reading('<Timing domainAbsoluteRelative="relative" scale="-1e9" offset="1e9"/>').values == {
         "domainAbsoluteRelative": "relative",
         "scale": -1e9,

@@ -6,11 +6,11 @@ import math
 
 import pytest
 
-from rosbridge_sim.scenarios.openscenario.story import read_story
+from rosbridge_sim.scenarios.openscenario.story import ELEMENT_TYPES, read_story
 from rosbridge_sim.scenarios.openscenario.story_records import StoryItem, StoryText
 from rosbridge_sim.scenarios.openscenario.storyboard import State, Storyboard, StoryVerdict, Transition
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
-from tests.simulator.story.story_texts import by_value, event, group, speed, story, trigger
+from tests.simulator.story.story_texts import by_value, event, group, speed, state_of, story, trigger
 
 A_FRAME = 0.02
 
@@ -38,7 +38,8 @@ class Stage:
     def measure(self, condition: StoryItem) -> tuple[bool, float]:
         item = condition.part().part()
         if item.kind == "StoryboardElementStateCondition":
-            return self.board.seen("Event", item["storyboardElementRef"], item["state"]), math.nan
+            kind = ELEMENT_TYPES[item["storyboardElementType"]]
+            return self.board.seen(kind, item["storyboardElementRef"], item["state"]), math.nan
         return item["variableRef"] in self.on, self.figure
 
     def begin(self, number: int) -> None:
@@ -162,9 +163,8 @@ def test_the_stop_trigger_ends_running_actions_and_nothing_starts_again() -> Non
     assert not stage.going
 
 
-def waits(state: str, of: str = "e") -> str:
-    attributes = f'storyboardElementType="event" storyboardElementRef="{of}" state="{state}"'
-    return by_value(f"<StoryboardElementStateCondition {attributes}/>")
+def waits(state: str, of: str = "e", kind: str = "event") -> str:
+    return state_of(kind, of, state)
 
 
 @pytest.mark.parametrize("is_first", [True, False])
@@ -178,6 +178,41 @@ def test_a_condition_sees_a_transition_once_whether_it_is_looked_at_before_or_be
         stage.step()
         stage.going = {number for number in stage.going if stage.board.parts[number].name != "other action"}
     assert stage.count("other") == 1
+
+
+def test_transition_that_was_the_last_one_before_a_look_is_seen_once() -> None:
+    """The start of an action is the last transition of its frame, so that it has the number of the look behind it."""
+    other = event("other", speed(1), waits("startTransition", "e action", "action"), count=3)
+    stage = Stage(group("Ego", event("e", speed(1), probe("a")), other))
+    stage.step("a")
+    assert stage.count("other") == 1
+    for _ in range(3):
+        stage.going = {number for number in stage.going if stage.board.parts[number].name != "other action"}
+        stage.step()
+    assert stage.count("other") == 1
+
+
+def test_delay_counts_from_the_first_look_too() -> None:
+    stage = Stage(group("Ego", event("e", speed(1), probe("a", delay=0.1))))
+    stage.step("a", num=5)
+    assert stage.count("e") == 0
+    stage.step("a")
+    assert stage.count("e") == 1
+
+
+def test_all_conditions_of_one_group_start_an_event_and_it_is_executed_once_unless_it_says_more() -> None:
+    both = f"<ConditionGroup>{probe('a')}{probe('b')}</ConditionGroup><ConditionGroup>{probe('c')}</ConditionGroup>"
+    text = event("e", speed(1), probe("d")).replace(' maximumExecutionCount="1"', "")
+    begin, end = text.index("<ConditionGroup>"), text.index("</StartTrigger>")
+    stage = Stage(group("Ego", text[:begin] + both + text[end:]))
+    stage.step("a")
+    stage.step("b", "d")
+    assert stage.count("e") == 0
+    stage.step("a", "b")
+    assert stage.count("e") == 1
+    stage.going.clear()
+    stage.step("c", num=3)
+    assert (stage.count("e"), stage.state("e")) == (1, State.COMPLETE)
 
 
 def test_names_around_an_element_tell_which_one_is_meant() -> None:
