@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterator
-from contextlib import AsyncExitStack
+from contextlib import AsyncExitStack, suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -22,7 +22,8 @@ from tests.support import Client, ServerProcess, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
-os.environ["ROSBRIDGE_SIM_CC"] = "none"  # numpy drives all worlds, whatever is installed; `kernels` tests loops
+# numpy drives all worlds, whatever is installed, but for tests with the fixture `loops` and those of `kernels`.
+os.environ["ROSBRIDGE_SIM_CC"] = "none"
 
 # How long an example takes is the machine's, not the code's. `--long` tries more of them.
 hypothesis.settings.register_profile("ours", deadline=None, max_examples=10)
@@ -34,6 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """Add our options."""
     parser.addoption("--long", action="store_true", help="run what takes long, and more examples of hypothesis")
     parser.addoption("--processes", type=int, default=0, help="run files of tests in so many forks of this process")
+    parser.addoption("--arrays", action="store_true", help="drive all worlds by arrays, as without a compiler")
     parser.addoption("--list-files", type=int, default=10, help="list so many files that took longest")
 
 
@@ -73,6 +75,20 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         (chosen if is_in_run(item, is_long=is_long) else others).append(item)
     config.hook.pytest_deselected(items=others)
     items[:] = sorted(chosen, key=_turn_of)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Compile and load the loops once for all forks."""
+    config = session.config
+    if not config.getoption("--processes") or config.option.collectonly or config.getoption("--arrays"):
+        return
+    if any("loops" in getattr(item, "fixturenames", ()) for item in session.items):
+        from rosbridge_sim.shell.kernels.compiler import NoKernelsError  # noqa: PLC0415 - most runs need none
+        from tests.world.kernels.compiled_loops import compiler, library  # noqa: PLC0415 - likewise
+
+        if compiler():
+            with suppress(NoKernelsError):  # the tests will say it
+                library()
 
 
 LONGEST = (
@@ -175,6 +191,22 @@ def shared_work() -> None:
     """Read the package's message types, scenarios and maps once for all simulators in the process of the tests."""
     if "rosbridge_sim.shell.app" in sys.modules:  # no test wants one otherwise, and its import takes half a second
         import_module("tests.kept_work").share_work()
+
+
+@pytest.fixture(scope="module")
+def loops(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Drive the worlds of a file by compiled loops if there is a compiler: a third of the time for vehicles.
+
+    It is for tests of what is driven. Arrays give the same bits, which `world/kernels` tests on each map and from
+    random states; tests that compare arrays with one vehicle after another, and known drives, have none of it.
+    """
+    from tests.world.kernels.compiled_loops import compiler, with_loops  # noqa: PLC0415 - most files need no world
+
+    if pytestconfig.getoption("--arrays") or not compiler():
+        yield
+        return
+    with with_loops():
+        yield
 
 
 @pytest.fixture(scope="module")

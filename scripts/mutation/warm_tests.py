@@ -483,6 +483,7 @@ def run_warm(
     # pytest rewrites assertions of modules of packages with plugins, ours too, and the mutants have none of that.
     options = ["--assert=plain", "-q", "--no-header", "--no-summary", "-s", "-p", "no:cacheprovider", "-p", "no:xdist"]
     options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # hypothesis is imported already
+    options += ["--arrays"]  # a mutant of what arrays do would not be seen where compiled loops drive
     options += ["-m", "not slow"] if is_quick else []
     paths = [str(ROOT / "tests" / folder) for folder in folders]
     return int(pytest.main([*options, *paths], plugins=[_Plugin(targets, work)]))

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402

@@ -18,7 +18,7 @@ from tests.simulator.sim_harness import Client
 from tests.simulator.town import Crossroads, Driver, RouteLine, StopLineObserver
 from tests.world.traffic_observers import RedRuns, Waits
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("loops")]
 
 LEFT_ROUND = ["R1222L1", "J22W1N", "R2223L1", "J23S1W", "R2313L1", "J13E1S", "R1312L1", "J12N1E"]
 

@@ -15,6 +15,8 @@ from tests.world.drivers.test_claims_one_by_one import one_crossing
 from tests.world.lane_drives import NOSE, lane_of, run, to_line, world_of
 from tests.world.road_factory import CAR, car, crossing, ego, line, make, road, signalled
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def view(world: World, row: int) -> DriverView:
     """The view of the driver; it is asked for twice, and the world must not change."""

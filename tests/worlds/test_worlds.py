@@ -23,6 +23,8 @@ from rosbridge_sim.world.state.world import Dynamics, Gear, Kind, Mode, World
 from tests.simulator.sim_harness import Client, make_store
 from tests.support import ROOT
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 LIBRARY = DiskLibrary()
 
 Worlds = partial(rosbridge_sim.Worlds, library=LIBRARY)

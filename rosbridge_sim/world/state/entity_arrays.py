@@ -360,8 +360,8 @@ class EntityArrays:
         """Set the number of rows, and renew the named views."""
         self.n = n
         for block, columns in ((self._floats, FLOATS), (self._ints, INTS), (self._bools, BOOLS)):
-            for i, column in enumerate(columns):
-                setattr(self, column, block[i, :n])
+            for column, view in zip(columns, block[:, :n], strict=True):
+                setattr(self, column, view)
 
 
 def _columns(kind: str) -> tuple[str, ...]:

@@ -18,6 +18,8 @@ from tests.world.lane_drives import BUS, lane_of, world_of
 from tests.world.road_factory import CAR, ego, road
 from tests.world.wide_roads import wide_road
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 COLUMNS = ("x", "y", "yaw", "speed", "wander", "wander_slope", "wander_x", "wander_y", "wander_y_rate")
 
 

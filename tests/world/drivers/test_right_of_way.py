@@ -18,6 +18,8 @@ from tests.world.drivers.test_claims_one_by_one import one_crossing
 from tests.world.lane_drives import BUS, NOSE, lane_of, run, world_of
 from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, signalled
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 @pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
 def test_crossing_vehicles_take_turns(offset: float) -> None:

@@ -13,6 +13,8 @@ from tests.world.lane_drives import lane_of, world_of
 from tests.world.road_factory import CAR, arc, car, line, make, ring
 from tests.world.wide_roads import wide_ring
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def ways(others: int = 0) -> str:
     """The first four lanes that somebody comes through, in at most forty seconds."""

@@ -19,6 +19,8 @@ from rosbridge_sim.world.step import step
 from tests.world.lane_drives import run, world_of
 from tests.world.road_factory import car, ego, line, make
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def entry(angle_deg: float = 4.0, limit: float = 30.0) -> Roads:
     """`main` and `ramp` become `on` at x = 0."""

@@ -15,7 +15,7 @@ from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.drivers.rule_operators import ARRAYS
-from rosbridge_sim.world.followers.lane_following import DECISION
+from rosbridge_sim.world.followers.lane_following import DECISION, LANE_LOOPS
 from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.signal_plan import Lamp, Light, SignalPlan
@@ -27,6 +27,8 @@ from tests.mutations import examples
 from tests.world.lane_drives import BUS, NOSE, lane_of, run, to_line, world_of
 from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, ring, road, signalled
 from tests.world.traffic_observers import RedRuns
+
+pytestmark = pytest.mark.usefixtures("loops")
 
 # Alone
 
@@ -509,6 +511,7 @@ def test_red_run_counter_finds_vehicles_that_ignore_lights(monkeypatch: pytest.M
         return perceive(network, np.ones_like(may_enter), *rest)
 
     monkeypatch.setattr("rosbridge_sim.world.followers.lane_following.perceive", blind)
+    monkeypatch.setattr(LANE_LOOPS, "make", None)  # they call no function of Python
     assert red_runs(crowd(num=20, is_alone=True), 15.0) > 3
 
 

@@ -20,6 +20,8 @@ from rosbridge_sim.world.state.world import DT, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import built_in
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 MODELS: Final = [BUILT_IN.find(name) for name in ("2015_Kia_K5", "2015_Kia_K5", "Motorcycle", "Van", "Bus")]
 
 CASES: Final = [

@@ -22,6 +22,8 @@ from rosbridge_sim.world.step import step
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, arc, built_in, car, line, make, signalled
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 MAN = Body.box(0.5, 0.6, 1.75)
 ANGLES = np.linspace(0.0, 2.0 * math.pi, 100, endpoint=False)
 CIRCLE = np.column_stack([8.0 * np.cos(ANGLES), 8.0 * np.sin(ANGLES)])  # a waypoint each half metre

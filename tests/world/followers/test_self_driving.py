@@ -20,6 +20,8 @@ from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, arc, car, ego, line, make, road
 from tests.world.wide_roads import wide_road
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 LIMIT = 15.0
 
 

@@ -19,6 +19,8 @@ from tests.world.lane_drives import world_of
 from tests.world.road_factory import car as lane_car
 from tests.world.road_factory import crossing, road
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 CAR = Body()
 MAN = Body.box(0.5, 0.6, 1.75)
 

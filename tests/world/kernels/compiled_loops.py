@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache, partial
+from typing import Any
 
 import pytest
 
@@ -27,6 +28,7 @@ from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel
 from rosbridge_sim.world.people.people import PEOPLE_LOOPS, People
 from rosbridge_sim.world.scoring import SCORE_LOOPS
+from rosbridge_sim.world.state.loop_maker import LoopMaker
 from rosbridge_sim.world.state.world_rows import WorldRows
 
 
@@ -71,14 +73,23 @@ def make_score_kernel() -> Callable[[WorldRows], ScoreKernel]:
     return partial(ScoreKernel, library())
 
 
+MAKERS: tuple[tuple[LoopMaker[Any], Callable[[], Any]], ...] = (
+    (LANE_LOOPS, make_kernel),
+    (PAIR_LOOPS, make_pair_kernel),
+    (PEOPLE_LOOPS, make_people_kernel),
+    (SCORE_LOOPS, make_score_kernel),
+)
+"""Where worlds find the makers of their loops, and what those are."""
+
+
 @contextmanager
 def with_loops(*, are_there: bool = True) -> Iterator[None]:
     """All worlds are driven, their pairs watched and their egos judged by loops; else by arrays."""
-    LANE_LOOPS.make = make_kernel() if are_there else None
-    PAIR_LOOPS.make = make_pair_kernel() if are_there else None
-    PEOPLE_LOOPS.make = make_people_kernel() if are_there else None
-    SCORE_LOOPS.make = make_score_kernel() if are_there else None
+    before = [place.make for place, _ in MAKERS]
+    for place, maker in MAKERS:
+        place.make = maker() if are_there else None
     try:
         yield
     finally:
-        LANE_LOOPS.make = PAIR_LOOPS.make = PEOPLE_LOOPS.make = SCORE_LOOPS.make = None
+        for (place, _), make in zip(MAKERS, before, strict=True):
+            place.make = make

@@ -29,6 +29,8 @@ from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, world_of
 from tests.world.road_factory import CAR, arc, car, make, road
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def start_shift(world: World, row: int, target: float) -> None:
     shift(world, np.array([row]), np.array([target]))

@@ -19,6 +19,8 @@ from tests.world.lane_drives import BUS, lane_of, run, world_of
 from tests.world.road_factory import CAR, built_in, car, ego, line, make
 from tests.world.wide_roads import wide_ring, wide_road
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def queue_behind_an_ego(num: int = 8) -> tuple[World, list[int]]:
     world = world_of(wide_road())

@@ -15,6 +15,8 @@ from rosbridge_sim.world.step import step
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, car, ego, line, make, road
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 MAN = Body.box(0.45, 0.55, 1.7)
 OVER = np.array([[50.0, -12.0], [50.0, 12.0]])
 """A path over the road of the tests, which leads east along y = 0 and is 3.5 m wide."""
