@@ -11,10 +11,10 @@ vehicle is the middle of its rear axle on the ground, that of a pedestrian or an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple
 from hashlib import blake2b
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -439,6 +439,20 @@ class World(EntityRows):
         for name in _KEPT:
             setattr(self, name, getattr(saved, name))
         self.touch()
+
+    def __reduce__(self) -> tuple[Callable[[Snapshot], Self], tuple[Snapshot]]:
+        """Return the arguments for a copy or a pickle that goes on as this world does, to the bit."""
+        return self._restored, (self.snapshot(),)
+
+    def __deepcopy__(self, _memo: object) -> Self:
+        """Return such a copy; the roads, which nothing changes, are shared."""
+        return self._restored(self.snapshot())
+
+    @classmethod
+    def _restored(cls, saved: Snapshot) -> Self:
+        world = cls()
+        world.restore(saved)
+        return world
 
     def model_figures(self) -> bytes:
         """Return the figures of bodies and models that `digest` leaves out, as older ones did; no scores."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+from collections.abc import Callable
+from copy import copy, deepcopy
 from typing import Any
 
 import numpy as np
@@ -221,6 +224,26 @@ def test_change_of_one_world_leaves_the_others_as_they_are() -> None:
     worlds[1].spawn(Kind.OBSTACLE, Body(), name="box", x=0.0, y=0.0)
     worlds[1].clear()
     assert [worlds[i].digest() for i in (0, 2)] == before
+
+
+def pickled(world: OneOfMany) -> OneOfMany:
+    again: OneOfMany = pickle.loads(pickle.dumps(world))  # noqa: S301 - our own
+    return again
+
+
+@pytest.mark.parametrize("make", [copy, deepcopy, pickled])
+def test_copy_of_a_world_leaves_its_set_and_goes_on_as_it_does(make: Callable[[OneOfMany], OneOfMany]) -> None:
+    worlds = [OneOfMany(seed=seed) for seed in range(2)]
+    for world in worlds:
+        open_scene(world, "loop", 5)
+    together = WorldSet(worlds)
+    together.advance(7)
+    copied = make(worlds[1])
+    together.advance(12)
+    assert (type(copied), copied.batch, copied.frame) == (OneOfMany, None, 7)
+    for _ in range(12):
+        step(copied)
+    assert copied.digest() == worlds[1].digest()
 
 
 def test_world_with_fewer_rows_than_another_has_its_impacts() -> None:
