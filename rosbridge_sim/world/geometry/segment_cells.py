@@ -67,6 +67,9 @@ AROUND: Final = 4.0
 """The segments of all lanes within this distance of a cell are kept, too [m]: enough for a car, and for the question
 whether a place is on a road."""
 
+MAX_POINTS: Final = 1 << 10
+"""Places that are looked for at once: far below the bound at which a search leaves some out."""
+
 MORE: Final = 1.0 + 1e-9
 """Factor of bounds, so that rounding loses no segment."""
 
@@ -116,6 +119,12 @@ class SegmentCells(SegmentSearch):
 
     def within(self, place: FloatArray, radius: FloatArray) -> Near:
         """Return the nearest segment of each lane that is near each place; see `SegmentSearch.within`."""
+        if len(place) > MAX_POINTS:
+            starts = range(0, len(place), MAX_POINTS)
+            found = [self.within(place[i : i + MAX_POINTS], radius[i : i + MAX_POINTS]) for i in starts]
+            owners = [start + owner for start, (owner, _, _) in zip(starts, found, strict=True)]
+            along, lateral, distance = (np.concatenate(each) for each in zip(*(one[2] for one in found), strict=True))
+            return np.concatenate(owners), np.concatenate([one[1] for one in found]), (along, lateral, distance)
         if not (np.abs(place).max() < FARTHEST and radius.max() <= AROUND):
             return super().within(place, radius)
         east, north = np.floor(place / CELL).astype(np.int64).T + MAX_NUMBER

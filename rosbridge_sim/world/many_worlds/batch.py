@@ -7,9 +7,9 @@ equations.
 
 *Equal to the bit.* World w of a batch is equal to the same world alone. All figures of a row depend on rows of its own
 world alone, and on numpy calls whose result for an element does not depend on the other ones. What looks for entities
-looks in one world: lanes are numbered apart (`ManyRoads`), and places are compared within a world. Where alone a bound
-holds for all entities of a world (pairs of a heap, a crowd on the lanes), a small world cannot reach it; so worlds with
-more than `MAX_ROWS` rows are not taken in.
+looks in one world: lanes are numbered apart (`repeat_roads`), and places are compared within a world. Where alone a
+bound holds for all entities of a world (pairs of a heap, a crowd on the lanes), a small world cannot reach it; so
+worlds with more than `MAX_ROWS` rows are not taken in.
 
 *Layout.* Row r of the world in slot w is row r * slots + w of the batch: a block has the shape (columns, rows, slots).
 So the first rows of all worlds, mostly egos, are neighbours, and each world has a view of its own columns.
@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.contacts.collisions import CollisionDetector
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
-from rosbridge_sim.world.many_worlds.many_roads import ManyPaths, ManyRoads, ManySignals
+from rosbridge_sim.world.many_worlds.many_roads import ManyPaths, ManySignals, repeat_roads
 from rosbridge_sim.world.roads.paths import Paths
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.chance import salt_of_seeds
@@ -242,7 +242,7 @@ class Batch(WorldRows):
             frames[: len(self.world_frames)] = self.world_frames
             self.world_frames = frames
             self.worlds += [None] * (num_slots - len(self.worlds))
-            self.roads = ManyRoads(self.map_roads, num_slots)
+            self.roads = repeat_roads(self.map_roads, num_slots)
             self.many_signals = ManySignals(self.map_plan, num_slots, self._signals_of, frames)
             self._signals = self.many_signals
             self.num_worlds = num_slots

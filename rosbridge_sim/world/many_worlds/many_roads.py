@@ -1,35 +1,24 @@
-"""Lanes, lights and paths of many worlds, which a step reads as those of one.
-
-The lanes of a map are there once for each world: row w * l + i is lane i in world w, of l lanes.
-
-Points, lines and all that is searched by place are those of the map, shared. What is kept for each lane is repeated, so
-that drivers of different worlds never have a lane in common. The lines are not shifted: that would change rounding.
-"""
+"""Lanes, lights and paths of many worlds, which a step reads as those of one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Any, Final, TypeVar, cast
+from typing import Any, Final
 
 import numpy as np
 
 from rosbridge_sim.world.drivers import lane_entries, lane_swing, lane_wander
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.geometry.segment_cells import SegmentCells
 from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts, Links
 from rosbridge_sim.world.roads.lane_joins import Joins
 from rosbridge_sim.world.roads.paths import Paths
-from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import NEVER_FRAME, ShownLights, Signals, look_at
 from rosbridge_sim.world.roads.turn_shares import TurnKinds
-
-T = TypeVar("T")
-
-MAX_POINTS: Final = 1 << 10
-"""Places that are looked for at once: far below the bound at which a search leaves some out."""
 
 _BY_LANE: Final[set[Callable[..., Any]]] = {lane_swing.are_tight, lane_wander.room_of}
 """Functions of roads that return an array (l,) of figures: these are repeated."""
@@ -40,128 +29,76 @@ def most_worlds(roads: Roads) -> int:
     return int(lane_entries.MAX_SCALE_TICKS // lane_entries.scale_ticks(roads)) - 1
 
 
-class ManyRoads(Roads):
-    """Roads whose lanes stand once for each world.
+def repeat_roads(roads: Roads, num: int) -> Roads:
+    """Return the lanes of a map once for each of some worlds; see `Roads.copies`."""
+    return roads.copies(num, roads.derived(_cells_of), _repeat)
 
-    `nearest`, `within` and `find_segments` return lanes of the map; `left`, `right`, `is_stop` and the successors are
-    those of the map, too.
 
-    Attributes:
-        num: number of worlds.
-
-    Args:
-        num: see above.
-    """
-
-    __slots__ = ("num",)
-
-    def __init__(self, roads: Roads, num: int) -> None:
-        self.num, self.alone = num, roads
-        for name in Roads.__slots__:
-            if name not in {"alone", "_derived"}:
-                setattr(self, name, getattr(roads, name))
-        self._derived = {}
-        self._search = roads.derived(_cells_of)
-        self.scale_of_lane = np.arange(num).repeat(len(roads))
-        for name in ("length", "width", "speed_limit", "turn", "base", "last_leg", "legs_per_metre"):
-            setattr(self, name, np.tile(getattr(roads, name), num))
-        self.first = np.append(np.tile(roads.first[:-1], num), len(roads.points))
-
-    def __len__(self) -> int:
-        return self.num * len(self.alone)
-
-    def in_map(self, lane: IntArray) -> IntArray:
-        """Return rows of lanes as rows of the map's lanes; -1 stays -1."""
-        return np.where(lane >= 0, lane % len(self.alone), -1)
-
-    def successors(self, lane: int) -> IntArray:
-        """Return the lanes that begin where a lane ends, in its world."""
-        world, row = divmod(lane, len(self.alone))
-        return self.alone.successors(row) + world * len(self.alone)
-
-    def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Return between which points given places lie; see `Roads.locate`."""
-        return self.alone.locate(lane % len(self.alone), s)
-
-    def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
-        """Return all lanes of the map near each point; see `Roads.within`."""
-        parts = [slice(start, start + MAX_POINTS) for start in range(0, max(len(x), 1), MAX_POINTS)]
-        found = [super(ManyRoads, self).within(x[part], y[part], radius[part]) for part in parts]
-        if len(found) == 1:
-            return found[0]
-        owners = [part.start + owner for part, (owner, _) in zip(parts, found, strict=True)]
-        columns = ([getattr(places, name) for _, places in found] for name in LanePlaces.__struct_fields__)
-        return np.concatenate(owners), LanePlaces(*map(np.concatenate, columns))
-
-    def derived(self, make: Callable[[Roads], T]) -> T:
-        """Return `make(roads)` of the map, with what it has for each lane repeated."""
-        value: T | None = self._derived.get(make)
-        if value is None:
-            value = self._derived[make] = self._make(make)
-        return value
-
-    def _make(self, make: Callable[[Roads], T]) -> T:
-        value: Any = self.alone.derived(make)
-        many: Any = value  # of points, or of places on the map
-        if isinstance(value, LaneConflicts):
-            many = _repeat_conflicts(value, self)
-        elif isinstance(value, LaneNeighbours):
-            many = _repeat_neighbours(value, self)
-        elif isinstance(value, TurnKinds):
-            many = TurnKinds(self.alone, self.num)
-        elif make in _BY_LANE:
-            many = np.tile(value, self.num)
-        return cast("T", many)
+def _repeat(roads: Roads, make: Callable[[Roads], Any], value: Any) -> Any:  # noqa: ANN401 - of any function of roads
+    """Return `make` of copies of a map's lanes, of that of the map."""
+    if isinstance(value, LaneConflicts):
+        return _repeat_conflicts(value, roads)
+    if isinstance(value, LaneNeighbours):
+        return _repeat_neighbours(value, roads)
+    if isinstance(value, TurnKinds):
+        return TurnKinds(roads.alone, roads.num_copies)
+    if make in _BY_LANE:
+        return np.tile(value, roads.num_copies)
+    return value  # of points, or of places on the map
 
 
 def _cells_of(roads: Roads) -> SegmentCells | None:
     return SegmentCells(roads.segments, len(roads)) if len(roads) else None
 
 
-def _lanes(lanes: IntArray, roads: ManyRoads) -> IntArray:
+def _lanes(lanes: IntArray, roads: Roads) -> IntArray:
     """Return rows of lanes (..., k) once for each world, (..., num k); -1 stays -1."""
-    offset = (np.arange(roads.num) * len(roads.alone)).repeat(lanes.shape[-1])
-    tiled = np.tile(lanes, roads.num)
-    return np.where(tiled >= 0, tiled + offset, tiled)
+    tiled = np.tile(lanes, roads.num_copies)
+    return np.where(tiled >= 0, tiled + _offsets(roads, lanes.shape[-1]), tiled)
 
 
-def _links(links: Links, roads: ManyRoads) -> Links:
-    count = np.tile(np.diff(links.first), roads.num)
+def _offsets(roads: Roads, num: int) -> IntArray:
+    """Return what is added to some rows of lanes, for each world."""
+    return (np.arange(roads.num_copies) * len(roads.alone)).repeat(num)
+
+
+def _links(links: Links, roads: Roads) -> Links:
+    count = np.tile(np.diff(links.first), roads.num_copies)
     first = np.append(0, np.cumsum(count))
-    return Links(first, _lanes(links.other, roads), np.tile(links.figure, roads.num))
+    return Links(first, _lanes(links.other, roads), np.tile(links.figure, roads.num_copies))
 
 
-def _repeat_conflicts(one: LaneConflicts, roads: ManyRoads) -> LaneConflicts:
+def _repeat_conflicts(one: LaneConflicts, roads: Roads) -> LaneConflicts:
     many = copy(one)
     many.roads = roads
     for name in ("wait_point", "clear_point", "shared", "gives_way", "rival_from", "rival_passes", "rival_right"):
-        setattr(many, name, np.tile(getattr(one, name), roads.num))
+        setattr(many, name, np.tile(getattr(one, name), roads.num_copies))
     for name in ("onward", "rivals", "siblings"):
         setattr(many, name, _links(getattr(one, name), roads))
     num = len(one.rival_back)
-    many.rival_back = np.tile(one.rival_back, roads.num) + (np.arange(roads.num) * num).repeat(num)
+    many.rival_back = np.tile(one.rival_back, roads.num_copies) + (np.arange(roads.num_copies) * num).repeat(num)
     joins, num = one.joins, len(one.joins.shared)
-    join = np.tile(joins.join, roads.num)
+    join = np.tile(joins.join, roads.num_copies)
     assert roads.scale_of_lane is not None
     many.joins = Joins(
         join=np.where(join >= 0, join + roads.scale_of_lane * num, -1),
-        side=np.tile(joins.side, roads.num),
-        to_join=np.tile(joins.to_join, roads.num),
-        shared=np.tile(joins.shared, roads.num),
-        lanes=np.tile(joins.lanes, (roads.num, 1)) + (np.arange(roads.num) * len(roads.alone)).repeat(num)[:, None],
-        narrow_from=np.tile(joins.narrow_from, roads.num),
+        side=np.tile(joins.side, roads.num_copies),
+        to_join=np.tile(joins.to_join, roads.num_copies),
+        shared=np.tile(joins.shared, roads.num_copies),
+        lanes=np.tile(joins.lanes, (roads.num_copies, 1)) + _offsets(roads, num)[:, None],
+        narrow_from=np.tile(joins.narrow_from, roads.num_copies),
         num_in_map=num,
     )
     return many
 
 
-def _repeat_neighbours(one: LaneNeighbours, roads: ManyRoads) -> LaneNeighbours:
+def _repeat_neighbours(one: LaneNeighbours, roads: Roads) -> LaneNeighbours:
     many = copy(one)
     many.roads = roads
     many.beside = _lanes(one.beside, roads)
     many.group = _lanes(one.group, roads)
     for name in ("may", "has_side", "merge_side", "place", "keeps_right"):
-        setattr(many, name, np.tile(getattr(one, name), roads.num))
+        setattr(many, name, np.tile(getattr(one, name), roads.num_copies))
     many.before = _links(one.before, roads)
     return many
 
@@ -192,7 +129,7 @@ class ManyPaths(Paths):
 class ManySignals(ShownLights):
     """The lights of all worlds of a batch.
 
-    `shown` and `may_enter` have those of one world after another, as `ManyRoads` has its lanes. Of the plan, only
+    `shown` and `may_enter` have those of one world after another, as `repeat_roads` has the lanes. Of the plan, only
     `light_of_lane` is repeated.
 
     Args:

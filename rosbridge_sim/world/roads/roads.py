@@ -11,8 +11,9 @@ the difference to the driven distance is 0.5 %.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from hashlib import blake2b
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,9 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.geometry.segment_search import LaneSegments, SegmentSearch
 
 T = TypeVar("T")
+
+Repeat: TypeAlias = "Callable[[Roads, Callable[[Roads], Any], Any], Any]"
+"""Makes what copies of a map's lanes have of what the map has; see `Roads.copies`."""
 
 LEVEL: Final = 2.5
 """An entity that is farther than this above or below a lane is on another level [m]: bridges have a clearance of 4.5 m
@@ -79,43 +83,13 @@ class Roads:
         base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
             points' places, rising. Between two lanes there is an unused metre [m].
         digest: 16 bytes that stand for all of it.
-        scale_of_lane: (l,) int64, which copy of the map a lane is in, see `many_roads`; None for a map.
+        search: finds segments by place; None without lanes.
+        kept: results of `derived`.
+        repeat: makes those of copies; None for a map.
+        scale_of_lane: (l,) int64, which copy of the map a lane is in, see `copies`; None for a map.
+        num_copies: how often each lane of the map is there; 1 for a map.
         alone: the lanes of one copy: these roads, if they are a map.
     """
-
-    __slots__ = (
-        "_derived",
-        "_rows",
-        "_search",
-        "alone",
-        "bank",
-        "base",
-        "border",
-        "chain",
-        "curve",
-        "digest",
-        "first",
-        "first_successor",
-        "has_long_legs",
-        "ids",
-        "is_flat",
-        "is_stop",
-        "last_leg",
-        "left",
-        "leg_end_of",
-        "legs_per_metre",
-        "length",
-        "points",
-        "right",
-        "s",
-        "scale_of_lane",
-        "segment_of_point",
-        "segments",
-        "speed_limit",
-        "successor",
-        "turn",
-        "width",
-    )
 
     def __init__(
         self,
@@ -152,7 +126,9 @@ class Roads:
             raise ValueError("expected a name, a line, successors, a width and a speed limit for every lane")
         num = len(ids)
         self.scale_of_lane: IntArray | None = None
+        self.num_copies = 1
         self.alone: Roads = self
+        self.repeat: Repeat | None = None
         self.left = np.array([-1] * num if left is None else left, dtype=np.int64)
         self.right = np.array([-1] * num if right is None else right, dtype=np.int64)
         self.is_stop = np.array([False] * num if is_stop is None else is_stop, dtype=bool)
@@ -186,16 +162,38 @@ class Roads:
         height = self.points[:, 2]
         self.is_flat = not self.bank.any() and not (height != height[:1]).any()
         self._measure()
-        self._search = SegmentSearch(self.segments, num) if num else None
-        self._derived: dict[object, Any] = {}
+        self.search = SegmentSearch(self.segments, num) if num else None
+        self.kept: dict[object, Any] = {}
         self.digest = self._hash()
 
     def __len__(self) -> int:
-        return len(self.ids)
+        return len(self.width)
+
+    def copies(self, num: int, search: SegmentSearch | None, repeat: Repeat) -> Roads:
+        """Return the lanes of a map once for each of some worlds: row w * l + i is lane i in world w, of l lanes.
+
+        Points, lines and all that is searched by place are those of the map, shared. What is kept for each lane is
+        repeated, so that drivers of different worlds never have a lane in common. The lines are not shifted: that would
+        change rounding. `nearest`, `within` and `find_segments` return lanes of the map; `left`, `right`, `is_stop`
+        and the successors are those of the map, too.
+
+        Args:
+            num: number of worlds.
+            search: of the segments.
+            repeat: returns `derived` of the copies, of the function and of what it has made of the map.
+        """
+        many = copy(self)
+        many.num_copies = num
+        many.search, many.repeat, many.kept = search, repeat, {}
+        many.scale_of_lane = np.arange(num).repeat(len(self))
+        for name in ("length", "width", "speed_limit", "turn", "base", "last_leg", "legs_per_metre"):
+            setattr(many, name, np.tile(getattr(self, name), num))
+        many.first = np.append(np.tile(self.first[:-1], num), len(self.points))
+        return many
 
     def in_map(self, lane: IntArray) -> IntArray:
-        """Return rows of lanes as rows of `alone`."""
-        return lane
+        """Return rows of lanes as rows of `alone`; -1 stays -1."""
+        return lane if self.num_copies == 1 else np.where(lane >= 0, lane % len(self.alone), -1)
 
     def row(self, name: str) -> int:
         """Return the row of the lane with this name.
@@ -211,13 +209,16 @@ class Roads:
         Returns:
             (k,) int64, rows in the map's order; empty at a dead end.
         """
-        return self.successor[self.first_successor[lane] : self.first_successor[lane + 1]]
+        world, lane = divmod(lane, len(self.alone))
+        found = self.successor[self.first_successor[lane] : self.first_successor[lane + 1]]
+        return found + world * len(self.alone) if world else found
 
     def derived(self, make: Callable[[Roads], T]) -> T:
-        """Return `make(roads)`, made at the first call and kept."""
-        value: T | None = self._derived.get(make)  # the key says what the value is
+        """Return `make(roads)`, made at the first call and kept. For copies, it is that of the map, repeated."""
+        value: T | None = self.kept.get(make)  # the key says what the value is
         if value is None:
-            value = self._derived[make] = make(self)
+            value = make(self) if self.repeat is None else self.repeat(self, make, self.alone.derived(make))
+            self.kept[make] = value
         return value
 
     def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -335,7 +336,7 @@ class Roads:
             x, y = np.broadcast_arrays(x, y)
         place = in_columns(x, y)
         n = len(place)
-        if self._search is None or n == 0:
+        if self.search is None or n == 0:
             zero = np.zeros(n)
             return LanePlaces(np.full(n, -1, dtype=np.int64), zero, zero.copy(), np.full(n, np.inf), zero.copy())
         heading = None
@@ -347,7 +348,7 @@ class Roads:
         height = None
         if z is not None and not self.is_flat:
             height = np.broadcast_to(np.asarray(z, dtype=np.float64), (n,))
-        return self._places(*self._search.place(place, heading, height))
+        return self._places(*self.search.place(place, heading, height))
 
     def find_segments(self, place: FloatArray, height: FloatArray) -> IntArray:
         """Return the nearest segment for each place, (n,) int64, rows of `segments`.
@@ -359,9 +360,9 @@ class Roads:
         Raises:
             ValueError: there are no lanes.
         """
-        if self._search is None:
+        if self.search is None:
             raise ValueError("expected roads with at least one lane")
-        return self._search.nearest(place, None, height)
+        return self.search.nearest(place, None, height)
 
     def are_level(self, places: LanePlaces, z: FloatArray) -> BoolArray:
         """Return (n,) whether places on lanes are on the level of given heights, not on a bridge above or below it.
@@ -386,10 +387,10 @@ class Roads:
             beyond `segment_search.MAX_SEGMENTS` not all points are looked at.
         """
         place = in_columns(x, y)
-        if self._search is None or len(place) == 0:
+        if self.search is None or len(place) == 0:
             none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
             return none, LanePlaces(none, empty, empty, empty, empty)
-        owner, segment, projected = self._search.within(place, radius)
+        owner, segment, projected = self.search.within(place, radius)
         return owner, self._places(segment, *projected)
 
     def clearance(self, x: FloatArray, y: FloatArray, most: FloatArray) -> FloatArray:
@@ -398,7 +399,7 @@ class Roads:
         Nobody is nearer than that. It is 0 where too many segments are near.
         """
         place = in_columns(x, y)
-        return most if self._search is None or len(place) == 0 else self._search.clearance(place, most)
+        return most if self.search is None or len(place) == 0 else self.search.clearance(place, most)
 
     def _places(self, segment: IntArray, along: FloatArray, lateral: FloatArray, distance: FloatArray) -> LanePlaces:
         """Return the places of points relative to the segments chosen for them; (n,) each, see `project`."""
