@@ -83,32 +83,34 @@ simulator.sync: *
 simulator.bus: * documents graph schema world.state
 simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simulator.plain world world.drivers
     world.geometry world.roads world.state
-simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
-    world.drivers world.followers world.geometry world.roads world.state world.vehicle
+simulator.egos: * graph morai.messages schema simulator.bus simulator.scene world.drivers world.followers world.geometry
+    world.roads world.state world.vehicle
+simulator.kernel: * graph morai.messages schema simulator.bus simulator.egos simulator.plain simulator.scene
+    simulator.sync world.state
 simulator.sensor_data: * morai.messages scenery schema world.geometry world.state world.vehicle
-simulator.sensors: * documents maps morai.messages scenery schema simulator.bus simulator.kernel simulator.sensor_data
-    world.geometry world.state world.vehicle
-simulator.sensor_rigs: * documents graph scenery simulator.bus simulator.kernel simulator.plain simulator.sensor_data
-    simulator.sensors
-simulator.sensor_services: * documents graph simulator.bus simulator.kernel simulator.plain simulator.sensor_data
-    simulator.sensor_rigs simulator.sensors world.vehicle
-simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
-    simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
-simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel units world.geometry
-    world.roads world.state
+simulator.sensors: * documents maps morai.messages scenery schema simulator.bus simulator.egos simulator.kernel
+    simulator.sensor_data world.geometry world.state world.vehicle
+simulator.sensor_rigs: * documents graph scenery simulator.bus simulator.egos simulator.kernel simulator.plain
+    simulator.sensor_data simulator.sensors
+simulator.sensor_services: * documents graph simulator.bus simulator.egos simulator.kernel simulator.plain
+    simulator.sensor_data simulator.sensor_rigs simulator.sensors world.vehicle
+simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.egos simulator.kernel
+    simulator.plain simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
+simulator.markers: * graph maps morai.messages schema simulator.bus simulator.egos simulator.kernel units
+    world.geometry world.roads world.state
 simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema
-    simulator.bus simulator.kernel simulator.markers simulator.plain simulator.scene simulator.sync units world
-    world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state
-simulator.replays: * graph morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
-    simulator.scene units world world.geometry world.state
+    simulator.bus simulator.egos simulator.kernel simulator.markers simulator.plain simulator.scene simulator.sync
+    units world world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state
+simulator.replays: * graph morai.messages scenarios schema simulator.bus simulator.egos simulator.kernel
+    simulator.plain simulator.scene units world world.geometry world.state
 simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain
     simulator.scene world.contacts world.drivers world.geometry world.lane_changes world.state
-simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.kernel
+simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.egos simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.state
-simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.kernel
-    simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensor_data
-    simulator.sensor_rigs simulator.sensor_services simulator.sensors simulator.sim_services simulator.snapshots
-    simulator.story simulator.sync world world.state world.vehicle
+simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.egos
+    simulator.kernel simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
+    simulator.sensor_data simulator.sensor_rigs simulator.sensor_services simulator.sensors simulator.sim_services
+    simulator.snapshots simulator.story simulator.sync world world.state world.vehicle
 # campaigns, without processes and files
 campaigns: * documents expressions world.geometry world.state
 # mocks of robots, without sockets and files

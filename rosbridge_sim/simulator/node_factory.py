@@ -15,12 +15,13 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
 from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 from rosbridge_sim.simulator.bus.world_failure import WorldFailure
+from rosbridge_sim.simulator.egos.ego import CtrlMode
+from rosbridge_sim.simulator.egos.ego_registry import EgoRegistry
+from rosbridge_sim.simulator.egos.tf_publisher import TF, StaticTf, TfPublisher
 from rosbridge_sim.simulator.kernel.command_wait import CommandWait
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import CtrlMode
 from rosbridge_sim.simulator.kernel.ego_interfaces import EgoInterfaces
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
@@ -33,7 +34,6 @@ from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
 from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
 from rosbridge_sim.simulator.kernel.sync_info import SyncInfo
-from rosbridge_sim.simulator.kernel.tf_publisher import TF, StaticTf, TfPublisher
 from rosbridge_sim.simulator.markers.scene_markers import SceneMarkers
 from rosbridge_sim.simulator.morai_services.command_executor import CommandExecutor
 from rosbridge_sim.simulator.morai_services.command_topics import CommandTopics

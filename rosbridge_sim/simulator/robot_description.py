@@ -24,11 +24,10 @@ from rosbridge_sim.scenery.moving.vehicle_shapes import TRACK, WHEELS
 from rosbridge_sim.scenery.scene_frame import shape_of
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.ego import Ego, ego_prefix
+from rosbridge_sim.simulator.egos.tf_publisher import BASE, CENTER, WHEEL_FRAMES, Wheel
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
-from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, WHEEL_FRAMES, Wheel, frame_prefix
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
@@ -87,7 +86,7 @@ class RobotDescription(Component):
         """Return the URDF of an ego."""
         context = self._context
         world = context.world
-        body, prefix = world.bodies[ego.row], frame_prefix(ego)
+        body, prefix = world.bodies[ego.row], ego.frame_prefix
         parts = [f'  <link name="{_clean(prefix + BASE)}"/>']
         wheels = find_wheels(world, ego)
         clearance = wheels[0].radius if wheels else 0.0

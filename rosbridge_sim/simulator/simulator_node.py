@@ -22,12 +22,12 @@ from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
+from rosbridge_sim.simulator.egos.tf_publisher import TfFrames
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
 from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
-from rosbridge_sim.simulator.kernel.tf_publisher import TfFrames
 from rosbridge_sim.simulator.markers.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensor_services.missing_sensors import advise

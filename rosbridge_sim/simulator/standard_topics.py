@@ -26,10 +26,10 @@ from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
+from rosbridge_sim.simulator.egos.tf_publisher import BASE, TfFrames, pose_of_base
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.tf_publisher import BASE, TfFrames, frame_prefix, pose_of_base
 from rosbridge_sim.simulator.morai_services.command_topics import CommandTopics
 from rosbridge_sim.simulator.sensors.gps import GpsSpec
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
@@ -115,7 +115,7 @@ class StandardTopics(Component):
 
     def _make_odometry(self, ego: Ego) -> Struct:
         """Return pose and velocity of `base_link`."""
-        world, row, prefix = self._context.world, ego.row, frame_prefix(ego)
+        world, row, prefix = self._context.world, ego.row, ego.frame_prefix
         frame_id, place, axes = pose_of_base(world, ego, self._frames)
         pose = self._pose(self._point(*place), self._axes(*axes))
         climb = world.climb.item(row) if world.dynamics == Dynamics.SINGLE_TRACK else 0.0

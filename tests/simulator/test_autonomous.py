@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.records import replace
-from rosbridge_sim.simulator.kernel.ego import CtrlMode
+from rosbridge_sim.simulator.egos.ego import CtrlMode
 from rosbridge_sim.world.state.world import Gear
 from tests.simulator.sim_harness import ALL, SimHarness
 from tests.simulator.town import Crossroads

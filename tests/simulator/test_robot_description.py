@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from rosbridge_sim.simulator.kernel.tf_publisher import WHEEL_FRAMES
+from rosbridge_sim.simulator.egos.tf_publisher import WHEEL_FRAMES
 from rosbridge_sim.simulator.robot_description import RobotDescription, find_wheels
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec

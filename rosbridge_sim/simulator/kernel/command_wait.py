@@ -18,7 +18,7 @@ import math
 import msgspec
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.egos.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
 
 _log = logging.getLogger("rosbridge_sim.morai")

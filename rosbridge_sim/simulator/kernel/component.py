@@ -10,7 +10,7 @@ from __future__ import annotations
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 
 

@@ -6,19 +6,13 @@ import logging
 from typing import Final
 
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego, ego_prefix
 from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts
-from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 
 MAX_GONE: Final = 1_000
 """Largest number of remembered services of removed egos, because a client may add egos under ever new numbers."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
-
-
-def ego_prefix(index: int) -> str:
-    """Return the prefix of the topics and services of an ego."""
-    return "/" if index == FIRST_EGO else f"/Ego-{index}/"
 
 
 class EgoInterfaces:

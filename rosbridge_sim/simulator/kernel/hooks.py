@@ -12,7 +12,7 @@ from typing import Generic, TypeVar
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.records import Record, field
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 
 F = TypeVar("F", bound=Callable[..., object])
 

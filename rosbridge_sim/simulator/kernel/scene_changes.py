@@ -12,7 +12,7 @@ from functools import partial
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting
 from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.ego_interfaces import EgoInterfaces
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.simulator_parts import SimulatorParts

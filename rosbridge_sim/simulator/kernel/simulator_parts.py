@@ -17,13 +17,13 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
 from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 from rosbridge_sim.simulator.bus.world_failure import WorldFailure
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.egos.ego_registry import EgoRegistry
+from rosbridge_sim.simulator.egos.tf_publisher import StaticTf
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
 from rosbridge_sim.simulator.kernel.sync_info import SyncInfo
-from rosbridge_sim.simulator.kernel.tf_publisher import StaticTf
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.scene.load import Library
 from rosbridge_sim.simulator.scene.scene import Scene

@@ -22,9 +22,9 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.tf_publisher import MAP
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.tf_publisher import MAP
 from rosbridge_sim.simulator.markers.map_markers import lamp_height, make_map_markers
 from rosbridge_sim.simulator.markers.markers import COLOURS, KIND_LOOKS, LAMPS, MARKER_ARRAY, MarkerMaker, MarkerShape
 from rosbridge_sim.units import MPS_TO_KMH

@@ -9,8 +9,8 @@ from __future__ import annotations
 import logging
 
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.scene.scene_commands import (
     AddObject,
     ControlEgo,

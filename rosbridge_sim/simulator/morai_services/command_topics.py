@@ -32,9 +32,9 @@ from rosbridge_sim.morai.messages.control import GEARS, Control
 from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.morai_services.control_units import warn_of_units
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.ghosts import Ghosts

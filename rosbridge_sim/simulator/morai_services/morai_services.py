@@ -27,9 +27,9 @@ from rosbridge_sim.morai.messages.command_parsing import AUTO_MODE, lamps_of
 from rosbridge_sim.morai.messages.control import GEARS, gear_of
 from rosbridge_sim.morai.messages.convert import time_text
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.morai_services.control_units import warn_of_units
 from rosbridge_sim.simulator.morai_services.morai_answers import request_of

@@ -7,9 +7,9 @@ from typing import Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.world.contacts import collisions
 
 MAX_CRASHES: Final = 1_000

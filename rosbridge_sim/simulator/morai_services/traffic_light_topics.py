@@ -24,9 +24,9 @@ from rosbridge_sim.maps.mgeo_lights import light_type
 from rosbridge_sim.schema.float32 import round32
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.world.roads.signal_plan import UNSET, Lamp
 from rosbridge_sim.world.roads.signals import Signals, light_ahead
 from rosbridge_sim.world.state.world import DT

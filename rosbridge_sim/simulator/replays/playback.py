@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.egos.ego_registry import EgoRegistry
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS, EGO, PlaybackActors
 from rosbridge_sim.simulator.replays.recorded_drive import MAX_STAMP, RecordedMoment, Recording

@@ -15,7 +15,7 @@ import numpy as np
 
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode, encode
 from rosbridge_sim.simulator.replays.recorded_drive import (
     EGO_COLUMNS,

@@ -31,11 +31,9 @@ from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.ego import Ego, ego_prefix, lamps_of
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego, lamps_of
-from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
-from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
 from rosbridge_sim.simulator.sensor_data.lidar_sweep import Motion
@@ -348,7 +346,7 @@ class MountedSensors(Component):
 
     def read_files(self, ego: Ego) -> dict[str, bytes]:
         """Return the files of the sensors of an ego that need no drawing, by their names; see `draw_files`."""
-        prefix, specs = frame_prefix(ego), self.rig_of(ego).specs
+        prefix, specs = ego.frame_prefix, self.rig_of(ego).specs
         read = [spec for spec in specs if spec.file_name and not spec.maker]
         return {prefix + spec.file_name: spec.file(self._shared, ego) for spec in read}
 
@@ -372,7 +370,7 @@ class MountedSensors(Component):
         if self._num_captures >= MAX_CAPTURES:
             raise DocumentError(f"{MAX_CAPTURES} captures are being drawn already; expected fewer at once")
         self._num_captures += 1
-        prefix = frame_prefix(ego)
+        prefix = ego.frame_prefix
         plan, files = _Plan(), dict[str, bytes]()
         for spec in specs:
             plan.sights.append(self._sight(ego, spec, is_for_file=True))

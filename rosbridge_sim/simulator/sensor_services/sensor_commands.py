@@ -18,10 +18,9 @@ from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.sensor_data.sensor_files import SensorDataStore, boxes_text
 from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
@@ -151,7 +150,7 @@ class Sensors(Component):
         boxes = find_boxes(world, ego.row, BOX_REACH, MAX_BOXES)
         return {
             **self._mounted.read_files(ego),
-            frame_prefix(ego) + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
+            ego.frame_prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
         }
 
 

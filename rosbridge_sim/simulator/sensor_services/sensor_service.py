@@ -16,9 +16,9 @@ from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.reading import answering, read_while_held
 from rosbridge_sim.simulator.sensor_rigs.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors

@@ -13,7 +13,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.georeference import Georeference, import_projection
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.sensor_data.sensor_files import gps_text
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import GPS_FRAME, EgoSensorSpec

@@ -11,7 +11,7 @@ from typing import ClassVar
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.sensor_data.sensor_files import imu_text
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import covariance

@@ -15,7 +15,7 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.camera_geometry import CameraModel, mount
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel, PictureChoices
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.sensor_data.picture_messages import BOXES, PictureMessages
 from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes, find_visible_boxes
 from rosbridge_sim.simulator.sensor_data.vision_messages import DETECTIONS_2D, DETECTIONS_3D, VisionMessages

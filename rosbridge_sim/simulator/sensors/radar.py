@@ -7,7 +7,7 @@ from typing import ClassVar
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_radar
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarBeams, RadarEchoes, find_echoes
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext

@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource, SensorNoise
 
 T = TypeVar("T")
@@ -41,7 +40,7 @@ class SensorContext:
 
     def header(self, ego: Ego, frame_id: str) -> Struct:
         """Return the header of a message of this frame, by a sensor of an ego."""
-        return self.simulator.convert.header(self.simulator.world.frame, frame_prefix(ego) + frame_id)
+        return self.simulator.convert.header(self.simulator.world.frame, ego.frame_prefix + frame_id)
 
     def errors(self, ego: Ego) -> NoiseSource | None:
         """Return the errors of an ego's sensors in this frame; None without any."""

@@ -15,9 +15,9 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Mode
 

@@ -12,9 +12,9 @@ from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.sim_services.late_answers import failing
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver

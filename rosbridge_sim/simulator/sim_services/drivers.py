@@ -13,10 +13,9 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.ego import Ego, ego_prefix
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 
 DRIVERS: Final = "/sim/drivers"
 

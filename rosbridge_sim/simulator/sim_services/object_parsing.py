@@ -17,7 +17,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.control import gear_of
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model
-from rosbridge_sim.simulator.kernel.ego import CtrlMode
+from rosbridge_sim.simulator.egos.ego import CtrlMode
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, MAX_FILE_UID
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import FloatArray

@@ -23,9 +23,9 @@ from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.scene.scene_commands import moves
 from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from rosbridge_sim.simulator.sim_services.object_parsing import (

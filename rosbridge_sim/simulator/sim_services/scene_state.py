@@ -23,9 +23,9 @@ from rosbridge_sim.scenery.moving.looks import paints
 from rosbridge_sim.scenery.scene_frame import SceneLayout
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.ego import Ego, lamps_of
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego, lamps_of
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.world.followers.lamps import find_lamps
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray

@@ -30,9 +30,9 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.scene.scene_commands import ControlEgo, SceneCommand
 from rosbridge_sim.simulator.sim_services.step_events import StopConditions, StopWatch, read_conditions

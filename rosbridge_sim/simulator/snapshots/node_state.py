@@ -26,10 +26,9 @@ from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record
+from rosbridge_sim.simulator.egos.ego import Ego, EgoState, ego_prefix
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import Ego, EgoState
-from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import FoundMap, Load, MapKey

@@ -15,8 +15,8 @@ from rosbridge_sim.errors import DocumentError, GraphError, Reason
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.scenarios.spawn_points import MAX_AT_ONCE
 from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.egos.ego import EgoState
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.ego import EgoState
 from rosbridge_sim.simulator.plain.snapshot_bytes import SnapshotHead
 from rosbridge_sim.simulator.scene.load import Load
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES

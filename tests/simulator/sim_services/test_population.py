@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, CATALOGUE, Catalogue, Model
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.simulator.kernel.ego import CtrlMode
+from rosbridge_sim.simulator.egos.ego import CtrlMode
 from rosbridge_sim.simulator.scene.scene_limits import MAX_EGOS
 from rosbridge_sim.simulator.sim_services.object_parsing import MAX_OBJECTS, MAX_PATHS, MAX_POINTS
 from rosbridge_sim.world.state.world import Body, Gear, Kind

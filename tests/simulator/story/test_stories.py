@@ -12,7 +12,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.openscenario.grammar import GRAMMAR
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.simulator.kernel.ego import CtrlMode
+from rosbridge_sim.simulator.egos.ego import CtrlMode
 from rosbridge_sim.simulator.scene.load import WHOLE
 from rosbridge_sim.simulator.snapshots.node_state import NodeState
 from rosbridge_sim.simulator.snapshots.saved_loads import unpack_load

@@ -8,7 +8,7 @@ import pytest
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.morai.messages.convert import Converter
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.egos.ego import CtrlMode, Ego
 from rosbridge_sim.world.state.world import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.simulator.sim_harness import make_store

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.simulator.kernel.odometry import Origin, move_origin, seen_from
+from rosbridge_sim.simulator.egos.odometry import Origin, move_origin, seen_from
 from tests.simulator.sim_harness import ALL, Client, SimHarness, put_egos
 
 Pose = tuple[float, float, float]

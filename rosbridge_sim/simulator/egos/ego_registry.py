@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Final
 
 from rosbridge_sim.morai.messages.convert import Converter
-from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
-from rosbridge_sim.simulator.kernel.odometry import Origin
+from rosbridge_sim.simulator.egos.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.egos.odometry import Origin
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World

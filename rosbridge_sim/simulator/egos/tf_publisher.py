@@ -31,10 +31,9 @@ from rosbridge_sim.morai.messages.convert import Converter, maker
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.bus.publishers import Publishers
-from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.egos import EgoRegistry
-from rosbridge_sim.simulator.kernel.odometry import seen_from
-from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
+from rosbridge_sim.simulator.egos.ego import Ego
+from rosbridge_sim.simulator.egos.ego_registry import EgoRegistry
+from rosbridge_sim.simulator.egos.odometry import seen_from
 from rosbridge_sim.world.geometry.planar import Quaternion, Vector, quaternion
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
@@ -121,7 +120,7 @@ class TfPublisher:
         frame, header = world.frame, self._convert.header
         transforms = []
         for ego in egos:
-            prefix = frame_prefix(ego)
+            prefix = ego.frame_prefix
             if self._frames == "map-odom":
                 *place, yaw = ego.odom_origin
                 pose = self._pose((place[0], place[1], place[2]), quaternion(0.0, 0.0, yaw))
@@ -148,7 +147,7 @@ class TfPublisher:
         """
         found = []
         for ego in egos:
-            body, prefix = self._world.bodies[ego.row], frame_prefix(ego)
+            body, prefix = self._world.bodies[ego.row], ego.frame_prefix
             mountings = {CENTER: Mounting(x=body.centre, z=0.5 * body.height)} | ego.mountings
             found += [Mount(prefix + BASE, prefix + name, mounting) for name, mounting in mountings.items()]
             found += [Mount(prefix + name, f"{prefix}{name}_optical", _OPTICAL) for name in ego.optical_frames]
@@ -223,15 +222,6 @@ def pose_of_base(world: World, ego: Ego, frames: TfFrames) -> tuple[str, Vector,
     row, (x, y, z, yaw) = ego.row, ego.pose
     parent = MAP
     if frames != "map":
-        parent = frame_prefix(ego) + ODOM
+        parent = ego.frame_prefix + ODOM
         x, y, z, yaw = seen_from(ego.odom_origin, (x, y, z, yaw))
     return parent, (x, y, z), quaternion(world.roll.item(row), world.pitch.item(row), yaw)
-
-
-def frame_prefix(ego: Ego) -> str:
-    """Return the prefix of an ego's frame names; the same as in its topic names, without the first slash.
-
-    Returns:
-        Empty for the first ego, else for example `Ego-2/`.
-    """
-    return "" if ego.index == FIRST_EGO else f"Ego-{ego.index}/"

@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.messages.convert import Converter
-from rosbridge_sim.simulator.kernel.tf_publisher import TfPublisher
+from rosbridge_sim.simulator.egos.tf_publisher import TfPublisher
 from rosbridge_sim.world.geometry.planar import quaternion
 from rosbridge_sim.world.state import placement
 from tests.simulator.sim_harness import ALL, Client, SimHarness, rates

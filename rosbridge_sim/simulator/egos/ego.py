@@ -20,7 +20,8 @@ from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.records import Record, asdict
-from rosbridge_sim.simulator.kernel.odometry import Origin, move_origin
+from rosbridge_sim.simulator.egos.odometry import Origin, move_origin
+from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 from rosbridge_sim.world.drivers.lane_position import leave_lane
 from rosbridge_sim.world.followers.lamps import BRAKE, BRAKE_LIGHT_DECEL, LEFT, REVERSE, RIGHT
 from rosbridge_sim.world.followers.self_driving import start_self_driving
@@ -33,6 +34,11 @@ GHOST_JUMP: Final = 10.0
 """Least distance between two placements of a ghost that is a jump [m]: no car drives so far between two commands."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
+
+
+def ego_prefix(index: int) -> str:
+    """Return the prefix of the topics and services of an ego."""
+    return "/" if index == FIRST_EGO else f"/Ego-{index}/"
 
 
 class CtrlMode(IntEnum):
@@ -64,6 +70,7 @@ class Ego:
 
     Attributes:
         index: its number among the egos, and its `unique_id` on the wire: 0, then 2, 3, ...
+        frame_prefix: before the names of its frames: empty for the first ego, else for example `Ego-2/`.
         uid: its id in the world.
         ctrl_mode: its driver outside synchronous mode.
         turn_signal: 0 none, 1 left, 2 right.
@@ -97,6 +104,7 @@ class Ego:
         self._convert = convert
         self._roads = roads
         self.index = uid if index is None else index
+        self.frame_prefix = ego_prefix(self.index)[1:]
         self.uid = uid
         self.ctrl_mode = ctrl_mode
         self.turn_signal = 0
