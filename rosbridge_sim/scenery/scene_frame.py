@@ -96,8 +96,6 @@ class SceneFrame(Record, eq=False):
 class SceneLayout:
     """Columns that stay the same until an entity is added, removed, stopped, started or placed; see `SceneFrame`."""
 
-    __slots__ = ("centres", "ids", "is_ego", "looks", "rows", "shapes", "sizes", "wheelbases")
-
     def __init__(self, world: World) -> None:
         rows = self.rows = np.fromiter(world.placed(), dtype=np.int64, count=len(world))
         self.ids = world.uid[rows].astype(np.int64)

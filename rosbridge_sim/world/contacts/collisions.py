@@ -146,31 +146,6 @@ class CollisionDetector:
         poses: (2, 5, n) as the step began and as it ended: x, y [m], yaw [rad], speed [m/s], z [m].
     """
 
-    __slots__ = (
-        *(
-            "_centre",
-            "_drift",
-            "_gap",
-            "_half",
-            "_is_measured",
-            "_is_out",
-            "_chord",
-            "_judged",
-            "_life",
-            "_loops",
-            "_maker",
-            "_margin",
-            "_may_meet",
-            "_now",
-            "_pairs",
-            "_places",
-            "_poses_after",
-            "_poses_before",
-            "_swing",
-        ),
-        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "_world_of_row", "poses"),
-    )
-
     def __init__(self, world: WorldRows) -> None:
         n = world.n
         rows = world.alive.nonzero()[0]

@@ -30,8 +30,6 @@ CELL_COLUMN: Final = 1 << 32
 class BlockGrid:
     """Boxes by the cells that they, enlarged by a reach, lie in."""
 
-    __slots__ = ("_block", "_number", "_size")
-
     def __init__(self, low: FloatArray, high: FloatArray, reach: float = REACH, cell: float = CELL) -> None:
         """Sort boxes into cells.
 

@@ -81,8 +81,6 @@ class SegmentCells(SegmentSearch):
         segments: at least one.
     """
 
-    __slots__ = ("_around", "_of_cell", "_table")
-
     def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
         super().__init__(segments, num_lanes)
         self._table, self._around = _Table(), _Table()
@@ -207,8 +205,6 @@ class _Cell:
 
 class _Table:
     """Cells by their keys, each with some segments. It holds `MAX_CELLS` and a few, and then begins anew."""
-
-    __slots__ = ("_count", "_found", "_keys", "_start", "_used")
 
     def __init__(self) -> None:
         self._forget()

@@ -109,11 +109,6 @@ class SegmentSearch:
         segments: at least one.
     """
 
-    __slots__ = (
-        *("_bottom", "_first", "_grid", "_high", "_low", "_middle", "_middle_height", "_num_lanes", "_segments"),
-        *("_size", "_top"),
-    )
-
     def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
         self._segments, self._num_lanes = segments, num_lanes
         num = np.bincount(segments.lane, minlength=num_lanes)  # segments of each lane

@@ -416,8 +416,6 @@ class Batch(WorldRows):
 class _Poses:
     """The part of a `CollisionDetector` that others read, of one world."""
 
-    __slots__ = ("poses",)
-
     def __init__(self, poses: FloatArray) -> None:
         self.poses = poses
 

@@ -113,8 +113,6 @@ class ManyPaths(Paths):
         stores: of the worlds.
     """
 
-    __slots__ = ("first_key",)
-
     def __init__(self, stores: Sequence[Paths]) -> None:
         super().__init__()
         lengths = np.array([store.next_base for store in stores], dtype=np.int64)
@@ -138,8 +136,6 @@ class ManySignals(ShownLights):
         signals_of: returns the lights of a world, None for a world that is not there.
         frames: (num,) int64, the frame of each world; the owner moves it on.
     """
-
-    __slots__ = ("_frames", "_map_plan", "_next", "_num_lanes", "_num_lights", "_signals_of", "_stale")
 
     def __init__(
         self, plan: SignalPlan, num: int, signals_of: Callable[[int], Signals | None], frames: IntArray

@@ -56,11 +56,6 @@ class LaneNeighbours:
         before: for each lane those that lead to it. The numbers mean nothing.
     """
 
-    __slots__ = (
-        *("across", "before", "beside", "group", "has_side", "is_any", "keeps_right", "may", "merge_side", "place"),
-        "roads",
-    )
-
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
         num = len(roads)

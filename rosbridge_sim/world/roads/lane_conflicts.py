@@ -157,24 +157,6 @@ class LaneConflicts:
         joins: pairs of lanes that become one at a small angle; they are no rivals.
     """
 
-    __slots__ = (
-        *(
-            "bend_speed",
-            "clear_point",
-            "gives_way",
-            "joins",
-            "legs",
-            "limit_speed",
-            "onward",
-            "rival_back",
-            "rival_from",
-            "rival_passes",
-            "rival_right",
-            "rivals",
-        ),
-        *("roads", "safe_speed", "shared", "siblings", "speeds_ahead", "wait_point"),
-    )
-
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
         curvature = _curvature(roads)

@@ -244,20 +244,6 @@ class Paths:
         num, num_live: segments in the store, with and without the holes.
     """
 
-    __slots__ = (
-        "_contents",
-        "_digest",
-        "_keys",
-        "_next_base",
-        "_segments",
-        "_snapshot",
-        "_spans",
-        "keys",
-        "num",
-        "num_live",
-        "segments",
-    )
-
     def __init__(self) -> None:
         self._digest: bytes | None = None  # of the present content
         self._snapshot: PathsSnapshot | None = None  # the same

@@ -170,32 +170,6 @@ class SignalPlan:
         digest: 16 bytes that stand for all of it.
     """
 
-    __slots__ = (
-        "_rows",
-        "_time_to_change",
-        "base",
-        "colours",
-        "column",
-        "controller",
-        "controller_of_lane",
-        "controllers",
-        "cycle",
-        "digest",
-        "group",
-        "interval_end",
-        "interval_phase",
-        "interval_start",
-        "is_before_light",
-        "is_warning",
-        "light_of_lane",
-        "lights",
-        "num_groups",
-        "num_phases",
-        "pass_of_lane",
-        "phase_end",
-        "phase_start",
-    )
-
     def __init__(
         self,
         roads: Roads,

@@ -93,8 +93,6 @@ class ShownLights:
         shown, may_enter: as in `Signals`.
     """
 
-    __slots__ = ("may_enter", "plan", "shown")
-
     plan: SignalPlan
     shown: IntArray
     may_enter: BoolArray
@@ -113,16 +111,6 @@ class Signals(ShownLights):
         phase: (controllers,) int64, number of the phase.
         may_enter: (lanes,) bool, no light forbids to enter; red and yellow forbid it.
     """
-
-    __slots__ = (
-        "_forced",
-        "_interval",
-        "_next_change",
-        "_origin",
-        "_until",
-        "frame",
-        "phase",
-    )
 
     def __init__(self, plan: SignalPlan, frame: int = 0) -> None:
         """Begin the first phase of all intersections, with no light forced.

@@ -49,8 +49,6 @@ class Passed(Record):
 class StopLines:
     """The ends of all lanes of a map; get it by `roads.derived(StopLines)`. Lights say which are stop lines."""
 
-    __slots__ = ("_ahead", "_end", "_height", "_high", "_left", "_lines", "_low", "_right", "_roads")
-
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
         last = roads.first[1:] - 1

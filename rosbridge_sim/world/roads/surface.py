@@ -68,17 +68,6 @@ class Surface:
         roads: at least one lane.
     """
 
-    __slots__ = (
-        "_bank_at_start",
-        "_bank_change",
-        "_grid",
-        "_is_first",
-        "_is_last",
-        "_roads",
-        "_slope_at_end",
-        "_slope_at_start",
-    )
-
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
         segments = roads.segments

@@ -61,8 +61,6 @@ class TurnKinds:
         kind: (k,) int64, its place among the fields of `TurnShares`.
     """
 
-    __slots__ = ("_bounds", "_first", "_num_copies", "kind", "lane")
-
     def __init__(self, roads: Roads, num_copies: int = 1) -> None:
         """Find the kinds.
 
