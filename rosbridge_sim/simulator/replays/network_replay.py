@@ -15,8 +15,6 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import BodyLimits
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
@@ -43,19 +41,15 @@ _log = logging.getLogger("rosbridge_sim.replay")
 class NetworkReplay:
     """Subscriber of `/ReplayInfo_topic`: moves the world by the messages of one client."""
 
-    def __init__(
-        self, context: SimulatorContext, process: ReplayProcess, playback: Playback, info: ReplayInfoPublisher
-    ) -> None:
+    def __init__(self, process: ReplayProcess, info: ReplayInfoPublisher) -> None:
         """No client is followed yet.
 
         Args:
             process: changes its state with the messages; gets the effect IGNORE from here.
             info: recognises the messages that the simulator has published itself.
         """
-        self._process = process
-        self._playback = playback
+        self._process, self._context = process, process.context
         self._info = info
-        self._context = context
         self._source: Participant | None = None
         self._ignored: Participant | None = None
         self._ignored_at = 0  # frame of the ignored client's last message
@@ -153,7 +147,7 @@ class NetworkReplay:
         if self._process.state is ReplayState.SIMULATING:
             _log.info("%s replays a recording over %s", sender.name, topic)
         self._source = sender
-        self._playback.choose(recording)
+        self._process.playback.choose(recording)
         self._process.happen(ReplayEvent.MESSAGE, now)
 
     def _publishes(self, owner: Participant | None) -> bool:

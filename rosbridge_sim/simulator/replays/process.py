@@ -27,6 +27,8 @@ class ReplayProcess:
     """The state of a replay.
 
     Attributes:
+        context: of the simulator.
+        playback: the recording.
         state: where in the table it is.
         effects: function for each effect; takes monotonic time [s]. `NetworkReplay` registers the one for IGNORE.
         on_event: called after each event with monotonic time [s].
@@ -40,8 +42,8 @@ class ReplayProcess:
         """
         self.state = ReplayState.SIMULATING
         self.on_event: list[Callable[[float], None]] = []
-        self._playback = playback
-        self._context = context
+        self.playback = playback
+        self.context = context
         self._sync = context.sync
         self._was_paused = False  # before the recording moved the world
         self.effects: dict[ReplayEffect, Callable[[float], None]] = {
@@ -72,15 +74,15 @@ class ReplayProcess:
         for effect in outcome.effects:
             self.effects[effect](now)
         if self.state is ReplayState.SIMULATING:
-            self._playback.choose(Recording(""))  # the last one may be large
+            self.playback.choose(Recording(""))  # the last one may be large
         for announce in self.on_event:
             announce(now)
         return outcome
 
     def check_end(self, now: float) -> None:
         """Pause at the end of a bag, and again if another command has ended that pause. Called after each frame."""
-        if self.state is ReplayState.REPLAYING and self._playback.is_over:
-            _log.info("%s: the end is reached", self._playback.recording.name)
+        if self.state is ReplayState.REPLAYING and self.playback.is_over:
+            _log.info("%s: the end is reached", self.playback.recording.name)
             self.happen(ReplayEvent.RUN_OUT, now)
         elif self.state is ReplayState.AT_END and not self._sync.is_paused:
             self.happen(ReplayEvent.RUN_OUT, now)
@@ -111,16 +113,16 @@ class ReplayProcess:
     def _enter(self, now: float) -> None:
         del now
         self._was_paused = self._sync.is_paused
-        self._playback.enter()
+        self.playback.enter()
 
     def _leave(self, now: float) -> None:
-        self._playback.leave()
+        self.playback.leave()
         sync = self._sync
         if sync.is_paused and not self._was_paused:
-            self._context.sync_driver.resume(now)
+            self.context.sync_driver.resume(now)
         elif self._was_paused and not sync.is_paused:
-            self._context.sync_driver.pause(now)
+            self.context.sync_driver.pause(now)
 
     def _begin_anew(self, now: float) -> None:
-        context = self._context
+        context = self.context
         context.scene_changes.carry_out(context.scene.loaded, is_pausing=False, now=now)

@@ -9,9 +9,7 @@ from typing import Any
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.reading import answering
-from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.process_status import ProcessStatus
@@ -27,29 +25,19 @@ _log = logging.getLogger("rosbridge_sim.replay")
 class ProcessService:
     """Provider of `/Morai_SimProc`: reads a command, loads its recording, and answers when it is carried out."""
 
-    def __init__(
-        self,
-        context: SimulatorContext,
-        process: ReplayProcess,
-        playback: Playback,
-        status: ProcessStatus,
-        recordings: Recordings | None,
-    ) -> None:
+    def __init__(self, process: ReplayProcess, status: ProcessStatus, recordings: Recordings | None) -> None:
         """No command has come yet.
 
         Args:
             process: carries out the commands.
-            playback: gets the recordings.
             status: publishes how the commands end.
             recordings: reads recordings; None where there are none.
         """
-        self._context = context
-        self._process = process
-        self._playback = playback
+        self._process, self._context, self._playback = process, process.context, process.playback
         self._status = status
         self._recordings = recordings
         self._loading: Call | None = None  # its recording is being read
-        self._make_result = context.maker("morai_msgs/MoraiSrvResponse", "result")
+        self._make_result = process.context.maker("morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service."""

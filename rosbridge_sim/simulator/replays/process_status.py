@@ -6,7 +6,6 @@ from typing import Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.publishers import Publishers
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.recorded_drive import MAX_STAMP
@@ -26,20 +25,18 @@ class ProcessStatus:
         is_held: publish nothing, because a command is being carried out and only its result matters.
     """
 
-    def __init__(self, context: SimulatorContext, process: ReplayProcess) -> None:
+    def __init__(self, process: ReplayProcess) -> None:
         """Nothing is published before `publish`.
 
         Args:
             process: gives the mode, and whether the end is reached.
         """
         self.is_held = False
-        self._process = process
-        self._context = context
-        self._sync = context.sync
+        self._process, self._context, self._sync = process, process.context, process.context.sync
         self._result, self._commanded_ns = ReplayResult.NONE, 0
         self._published: tuple[int, ...] = ()  # the last status; empty if the next one goes out in any case
         self._sync_state: object = None  # the one that was published last
-        self._make_status = context.maker(
+        self._make_status = process.context.maker(
             "morai_msgs/MoraiSimProcStatus", "header latest_command_time command_result current_mode current_status"
         )
 

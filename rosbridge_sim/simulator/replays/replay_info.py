@@ -13,7 +13,6 @@ from msgspec.structs import astuple
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.object_lists import DEGREES
 from rosbridge_sim.simulator.bus.publishers import Publishers
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 from rosbridge_sim.world.geometry.planar import quaternion
@@ -30,17 +29,16 @@ message, and follow it."""
 class ReplayInfoPublisher:
     """Publisher of ReplayInfo."""
 
-    def __init__(self, context: SimulatorContext, process: ReplayProcess, *, is_showing_drives: bool) -> None:
+    def __init__(self, process: ReplayProcess, *, is_showing_drives: bool) -> None:
         """Nothing is published before `publish`.
 
         Args:
-            context: of the simulator, which subscribes to the topic too.
             process: tells whether a recording moves the world.
             is_showing_drives: publish a drive without a recording for every subscriber, also for those of all topics
                 (far bridges, recorders). Otherwise only for those that subscribe to this topic by its name.
         """
         self._process = process
-        self._context = context
+        context = self._context = process.context
         self._is_showing_drives = is_showing_drives
         self._echoes: dict[int, None] = {}  # fingerprints of own messages, oldest first
         self._make_info = context.maker(

@@ -6,8 +6,6 @@ from typing import Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.publishers import Publishers
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
@@ -20,15 +18,14 @@ RATE: Final = 10.0
 class ReplayStatus:
     """Publisher of the position. It holds no state."""
 
-    def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback) -> None:
+    def __init__(self, process: ReplayProcess) -> None:
         """Publish nothing yet.
 
         Args:
             process: whether a recording moves the world.
         """
-        self._context = context
+        context = self._context = process.context
         self._process = process
-        self._playback = playback
         self._make = context.maker("rosbridge_sim_msgs/Replay", "header state name duration position speed targets")
 
     def publish(self, publishers: Publishers) -> None:
@@ -42,7 +39,7 @@ class ReplayStatus:
 
     def _values(self) -> tuple[object, ...]:
         """Return the fields of the message behind the header."""
-        state, playback = self._process.state, self._playback
+        state, playback = self._process.state, self._process.playback
         if state not in {ReplayState.REPLAYING, ReplayState.AT_END}:
             return "none", "", 0.0, 0.0, 0, 0
         word = "paused" if self._context.sync.is_paused else "playing"

@@ -23,8 +23,6 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.plain_values import without_unknown
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recorded_plans import RecordedPlan
@@ -65,24 +63,21 @@ _Batch = Sequence[tuple[_ShownPlan, bytes]]
 class ReplayedPlans:
     """Publisher of recorded plans; the world does not know of it, and neither do snapshots."""
 
-    def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback) -> None:
+    def __init__(self, process: ReplayProcess) -> None:
         """Publish nothing yet.
 
         Args:
             process: whether a recording moves the world.
-            playback: the recording, and the position in it.
         """
-        self._context = context
-        self._publisher = GuestPublisher(context.bus, "/replay")
-        self._process = process
-        self._playback = playback
+        self._process, self._context, self._playback = process, process.context, process.playback
+        self._publisher = GuestPublisher(self._context.bus)
         self._recording = Recording("")
         self._shown: dict[str, _ShownPlan] = {}
         self._shown_ns = -LONGEST_NS
         self._waiting: dict[_ShownPlan, deque[bytes]] = {}
         self._is_decoding = self._is_going_on = self._is_for_newcomer = False
         self._now = 0.0
-        context.bus.on_topic.append(self._note_subscriber)
+        self._context.bus.on_topic.append(self._note_subscriber)
 
     def settle(self, now: float) -> None:
         """Publish what belongs to the position that the world shows; called after each frame and each command."""
@@ -219,7 +214,7 @@ class ReplayedPlans:
             elif self._is_for_newcomer:  # who is being subscribed gets what is kept
                 shown.topic.keep(self._publisher, message, None)
             else:
-                self._publisher.publish(shown.topic, message, now)
+                self._context.bus.announce(self._publisher, shown.topic, message, now)
 
 
 def without_denied_plans(recording: Recording, caller: Participant) -> Recording:
@@ -247,18 +242,12 @@ class GuestPublisher(Participant):
 
     Attributes:
         name: the node name that rosapi shows.
-        has_topics: it offers at least one.
     """
 
-    def __init__(self, bus: Bus, name: str) -> None:
-        """Offer nothing yet.
+    name = "/replay"
 
-        Args:
-            bus: has the topics.
-            name: the node name.
-        """
-        self.name = name
-        self.has_topics = False
+    def __init__(self, bus: Bus) -> None:
+        """Offer nothing yet."""
         self._bus = bus
 
     def notify(self, level: str, text: str) -> None:
@@ -279,12 +268,10 @@ class GuestPublisher(Participant):
             if known is not None and known.publishers:
                 _bus_log.info("%s: %s is left out: it has a publisher here", self.name, name)
                 return None
-            topic = self._bus.advertise(self, name, type_name, depth=1)  # a viewer may come while a replay is held
+            return self._bus.advertise(self, name, type_name, depth=1)  # a viewer may come while a replay is held
         except PeerError as error:
             _bus_log.warning("%s: %s is left out: %s", self.name, name, error)
             return None
-        self.has_topics = True
-        return topic
 
     def make(self, type_name: str, value: object) -> Message:
         """Return a message; this may be called in any thread.
@@ -299,17 +286,6 @@ class GuestPublisher(Participant):
         message_type = self._bus.store.message(type_name)
         return Message(message_type, message_type.check(without_unknown(value, message_type.spec), 0))
 
-    def publish(self, topic: Topic, message: Message, now: float) -> None:
-        """Publish a message; a listener that refuses it, or fails, is in the log.
-
-        Args:
-            topic: from `offer`.
-            message: from `make`.
-        """
-        self._bus.announce(self, topic, message, now)
-
     def leave(self, now: float) -> None:
         """Publish none of the topics any more."""
-        if self.has_topics:
-            self._bus.leave(self, now)
-            self.has_topics = False
+        self._bus.leave(self, now)
