@@ -22,7 +22,7 @@ from typing import Final
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.records import Record
-from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, MAX_STEP_MS, MAX_USER_ID
+from rosbridge_sim.simulator.sync.sync_table import MAX_USER_ID, STEP_TERMS
 
 BARRIER_ID: Final = "/sim/barrier"
 """The master's id while a barrier leads; it names the topic that tells more."""
@@ -142,17 +142,14 @@ class BarrierOutcome(Record):
         is_accepted: whether the request is carried out.
         effects: in the order in which they are carried out.
         why: for a refusal, a text for the peer; empty otherwise.
+        reason: the kind of refusal that `why` puts into words.
     """
 
     state: BarrierState
     is_accepted: bool
     effects: tuple[BarrierEffect, ...] = ()
     why: str = ""
-
-    @property
-    def reason(self) -> Reason:
-        """The kind of refusal that `why` puts into words."""
-        return BARRIER_REASONS.get(self.why, Reason.REFUSED)
+    reason: Reason = Reason.REFUSED
 
 
 In, On, Do = BarrierState, BarrierEvent, BarrierEffect  # short names, as words of the rows below
@@ -162,41 +159,43 @@ def _yes(state: BarrierState, *effects: BarrierEffect) -> BarrierOutcome:
     return BarrierOutcome(state, is_accepted=True, effects=effects)
 
 
+def _no(state: BarrierState, why: tuple[str, Reason]) -> BarrierOutcome:
+    return BarrierOutcome(state, is_accepted=False, why=why[0], reason=why[1])
+
+
 _MISFIT: Final = (
-    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, deadline_s from {MIN_DEADLINE:g} to"
-    f" {MAX_DEADLINE:g} s, user_id at most {MAX_USER_ID} characters"
+    f"{STEP_TERMS}, deadline_s from {MIN_DEADLINE:g} to {MAX_DEADLINE:g} s, user_id at most {MAX_USER_ID} characters",
+    Reason.WRONG_VALUE,
 )
-_OTHER_TERMS: Final = "the first member has chosen other terms; 0 takes those in force"
-_OTHER_STEP: Final = "the barrier has another time step; leave and join to change it"
-_SHARED: Final = "this connection belongs to another member: peers behind one bridge are one member"
-_TAKEN: Final = "another user id is the master; a barrier can be joined when it has stopped synchronous mode"
-_TOO_MANY_MEMBERS: Final = f"the barrier has {MAX_MEMBERS} members already"
-_NOT_MEMBER: Final = "a barrier leads synchronous mode, and this user id is no member; join it by /sim/barrier/join"
-_NO_BARRIER: Final = "there is no barrier; /sim/barrier/join begins one"
-_IS_PAUSED: Final = "the simulation is paused"
-_NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
-_TOO_MANY_TICKS: Final = f"{MAX_TICKS_AHEAD} ticks of this member are waiting already; wait for an answer"
-_TOGETHER: Final = "the barrier has other members, which must agree to each step; use /SyncModeWaitForTick"
-_IS_MOVING: Final = "a tick of the barrier is under way"
+_OTHER_TERMS: Final = ("the first member has chosen other terms; 0 takes those in force", Reason.WRONG_VALUE)
+_OTHER_STEP: Final = ("the barrier has another time step; leave and join to change it", Reason.WRONG_VALUE)
+_SHARED: Final = (
+    "this connection belongs to another member: peers behind one bridge are one member",
+    Reason.NAME_TAKEN,
+)
+_TAKEN: Final = (
+    "another user id is the master; a barrier can be joined when it has stopped synchronous mode",
+    Reason.NOT_MASTER,
+)
+_TOO_MANY_MEMBERS: Final = (f"the barrier has {MAX_MEMBERS} members already", Reason.TOO_MUCH)
+_NOT_MEMBER: Final = (
+    "a barrier leads synchronous mode, and this user id is no member; join it by /sim/barrier/join",
+    Reason.NOT_MEMBER,
+)
+_NO_BARRIER: Final = ("there is no barrier; /sim/barrier/join begins one", Reason.NOT_MEMBER)
+_IS_PAUSED: Final = ("the simulation is paused", Reason.PAUSED)
+_NOT_NEXT: Final = ("strict frames: a tick must name the frame that it will end on", Reason.LATE_FRAME)
+_TOO_MANY_TICKS: Final = (
+    f"{MAX_TICKS_AHEAD} ticks of this member are waiting already; wait for an answer",
+    Reason.TOO_MUCH,
+)
+_TOGETHER: Final = (
+    "the barrier has other members, which must agree to each step; use /SyncModeWaitForTick",
+    Reason.NOT_NOW,
+)
+_IS_MOVING: Final = ("a tick of the barrier is under way", Reason.NOT_NOW)
 
-BARRIER_REASONS: Final[Mapping[str, Reason]] = {
-    _MISFIT: Reason.WRONG_VALUE,
-    _OTHER_TERMS: Reason.WRONG_VALUE,
-    _OTHER_STEP: Reason.WRONG_VALUE,
-    _SHARED: Reason.NAME_TAKEN,
-    _TAKEN: Reason.NOT_MASTER,
-    _TOO_MANY_MEMBERS: Reason.TOO_MUCH,
-    _NOT_MEMBER: Reason.NOT_MEMBER,
-    _NO_BARRIER: Reason.NOT_MEMBER,
-    _IS_PAUSED: Reason.PAUSED,
-    _NOT_NEXT: Reason.LATE_FRAME,
-    _TOO_MANY_TICKS: Reason.TOO_MUCH,
-    _TOGETHER: Reason.NOT_NOW,
-    _IS_MOVING: Reason.NOT_NOW,
-}
-"""The text of a refusal -> its kind."""
-
-_REFUSED: Final[Mapping[BarrierEvent, str]] = {
+_REFUSED: Final[Mapping[BarrierEvent, tuple[str, Reason]]] = {
     On.JOIN_MISFIT: _MISFIT,
     On.JOIN_OTHER_TERMS: _OTHER_TERMS,
     On.JOIN_SHARED: _SHARED,
@@ -216,7 +215,7 @@ _REFUSED: Final[Mapping[BarrierEvent, str]] = {
 }
 """Events that are refused in each state with members, and why."""
 
-_EMPTY_REFUSED: Final[Mapping[BarrierEvent, str]] = {
+_EMPTY_REFUSED: Final[Mapping[BarrierEvent, tuple[str, Reason]]] = {
     On.JOIN_MISFIT: _MISFIT,
     On.JOIN_TAKEN: _TAKEN,
     On.LEAVE_BY_OTHER: _NO_BARRIER,
@@ -229,10 +228,6 @@ _EMPTY_REFUSED: Final[Mapping[BarrierEvent, str]] = {
 """Events that are refused where there is no barrier; `SyncDriver` asks `SYNC_TABLE` then, except for the first two."""
 
 
-def _refusing(state: BarrierState, texts: Mapping[BarrierEvent, str]) -> dict[BarrierEvent, BarrierOutcome]:
-    return {event: BarrierOutcome(state, is_accepted=False, why=why) for event, why in texts.items()}
-
-
 BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]]] = {
     In.EMPTY: {
         On.JOIN: _yes(In.RESTING, Do.ADMIT, Do.LEAD, Do.ANNOUNCE),
@@ -240,7 +235,7 @@ BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]
         On.PAUSE: _yes(In.EMPTY),
         On.RESET: _yes(In.EMPTY, Do.FORGET, Do.ANNOUNCE),
         On.RESTORED: _yes(In.EMPTY, Do.ANNOUNCE),
-        **_refusing(In.EMPTY, _EMPTY_REFUSED),
+        **{event: _no(In.EMPTY, why) for event, why in _EMPTY_REFUSED.items()},
     },
     In.RESTING: {
         On.JOIN: _yes(In.RESTING, Do.ADMIT, Do.ANNOUNCE),
@@ -259,7 +254,7 @@ BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]
         On.RESTORED: _yes(In.RESTING, Do.REFUSE, Do.ANNOUNCE),
         On.STEP_ALONE: _yes(In.RESTING),
         On.RESTORE_BY_MEMBER: _yes(In.RESTING),
-        **_refusing(In.RESTING, _REFUSED),
+        **{event: _no(In.RESTING, why) for event, why in _REFUSED.items()},
     },
     In.GATHERING: {
         On.JOIN: _yes(In.GATHERING, Do.ADMIT_LATER, Do.ANNOUNCE),
@@ -277,9 +272,9 @@ BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]
         On.PAUSE: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
         On.RESET: _yes(In.RESTING, Do.SETTLE, Do.FORGET, Do.REFUSE, Do.ANNOUNCE),
         On.RESTORED: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
-        On.STEP_ALONE: BarrierOutcome(In.GATHERING, is_accepted=False, why=_IS_MOVING),
+        On.STEP_ALONE: _no(In.GATHERING, _IS_MOVING),
         On.RESTORE_BY_MEMBER: _yes(In.GATHERING),
-        **_refusing(In.GATHERING, _REFUSED),
+        **{event: _no(In.GATHERING, why) for event, why in _REFUSED.items()},
     },
     In.MOVING: {
         On.JOIN: _yes(In.MOVING, Do.ADMIT_LATER, Do.ANNOUNCE),
@@ -294,9 +289,9 @@ BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]
         On.MOVED: _yes(In.RESTING, Do.SETTLE, Do.LATE, Do.ANNOUNCE, Do.ANSWER),
         On.NOT_MOVED: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
         On.PAUSE: _yes(In.MOVING),  # from within the tick, which is one whole
-        On.STEP_ALONE: BarrierOutcome(In.MOVING, is_accepted=False, why=_IS_MOVING),
+        On.STEP_ALONE: _no(In.MOVING, _IS_MOVING),
         On.RESTORE_BY_MEMBER: _yes(In.MOVING),
-        **_refusing(In.MOVING, _REFUSED),
+        **{event: _no(In.MOVING, why) for event, why in _REFUSED.items()},
     },
 }
 """Every state and every event that can happen in it."""

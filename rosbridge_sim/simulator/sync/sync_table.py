@@ -113,17 +113,14 @@ class SyncOutcome(Record):
         is_accepted: `result` or `tick_status` on the wire.
         effects: in the order in which they are carried out.
         why: for a refusal, a text for the peer; empty otherwise.
+        reason: the kind of refusal that `why` puts into words.
     """
 
     state: SyncState
     is_accepted: bool
     effects: tuple[SyncEffect, ...] = ()
     why: str = ""
-
-    @property
-    def reason(self) -> Reason:
-        """The kind of refusal that `why` puts into words."""
-        return REASONS.get(self.why, Reason.REFUSED)
+    reason: Reason = Reason.REFUSED
 
 
 In, On, Do = SyncState, SyncEvent, SyncEffect  # short names, as words of the rows below
@@ -133,32 +130,19 @@ def _yes(state: SyncState, *effects: SyncEffect) -> SyncOutcome:
     return SyncOutcome(state, is_accepted=True, effects=effects)
 
 
-def _no(state: SyncState, why: str) -> SyncOutcome:
-    return SyncOutcome(state, is_accepted=False, why=why)
+def _no(state: SyncState, why: tuple[str, Reason]) -> SyncOutcome:
+    return SyncOutcome(state, is_accepted=False, why=why[0], reason=why[1])
 
 
-_OFF: Final = "synchronous mode is off"
-_TAKEN: Final = "another user id is the master"
-_LEADERLESS: Final = "there is no master: start synchronous mode first"
-_IS_PAUSED: Final = "the simulation is paused"
-_MISFIT: Final = (
-    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, user_id at most {MAX_USER_ID} characters"
-)
-_NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
-_TOO_FAR: Final = f"the frame is more than {MAX_AHEAD} frames ahead"
-_TOO_MANY: Final = f"{MAX_WAITING_COMMANDS} commands are waiting already"
-
-REASONS: Final[Mapping[str, Reason]] = {
-    _OFF: Reason.SYNC_OFF,
-    _TAKEN: Reason.NOT_MASTER,
-    _LEADERLESS: Reason.NO_MASTER,
-    _IS_PAUSED: Reason.PAUSED,
-    _MISFIT: Reason.WRONG_VALUE,
-    _NOT_NEXT: Reason.LATE_FRAME,
-    _TOO_FAR: Reason.FAR_FRAME,
-    _TOO_MANY: Reason.TOO_MUCH,
-}
-"""The text of a refusal -> its kind."""
+STEP_TERMS: Final = f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}"
+_OFF: Final = ("synchronous mode is off", Reason.SYNC_OFF)
+_TAKEN: Final = ("another user id is the master", Reason.NOT_MASTER)
+_LEADERLESS: Final = ("there is no master: start synchronous mode first", Reason.NO_MASTER)
+_IS_PAUSED: Final = ("the simulation is paused", Reason.PAUSED)
+_MISFIT: Final = (f"{STEP_TERMS}, user_id at most {MAX_USER_ID} characters", Reason.WRONG_VALUE)
+_NOT_NEXT: Final = ("strict frames: a tick must name the frame that it will end on", Reason.LATE_FRAME)
+_TOO_FAR: Final = (f"the frame is more than {MAX_AHEAD} frames ahead", Reason.FAR_FRAME)
+_TOO_MANY: Final = (f"{MAX_WAITING_COMMANDS} commands are waiting already", Reason.TOO_MUCH)
 
 
 _NOT_PAUSED: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
