@@ -190,7 +190,7 @@ class Simulator:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
         num_loads = sum(reader.num_bugs for reader in (*self._readers, self._worker) if reader is not None)
-        is_standing = self.node is not None and self.node.failure is not None
+        is_standing = self.node is not None and self.node.context.failure.why is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
         return num_frames + num_loads + num_guarded + (self._scheduler.is_failed or is_standing)
 
@@ -415,7 +415,7 @@ class Simulator:
             max_frame_size=settings.max_frame_size,
             extras=node.scene_topics,
             has_extras=settings.scene,
-            second_names=node.second_names,
+            second_names=node.context.publishers.second_names,
             max_wait=settings.attach_retry,
             ping_interval=settings.ping_interval,
             ping_timeout=settings.ping_timeout,
@@ -425,7 +425,7 @@ class Simulator:
         )
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
-            attachment.mirror.why_gone = node.why_gone
+            attachment.mirror.why_gone = node.context.ego_interfaces.why_gone
             attachment.mirror.is_synchronous = lambda: not node.sync.is_free
             self._watch_release(attachment)
             scheduler.add(attachment.mirror)

@@ -268,7 +268,7 @@ def tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) ->
     """Have the pages of the server tell of the world: `/healthz` and `/map.json`."""
     server.pages.describe = partial(_describe, node)
     if node is not None:
-        server.pages.why_unhealthy = lambda: node.failure
+        server.pages.why_unhealthy = lambda: node.context.failure.why
         server.pages.ask_map = MapPage(asyncio.get_running_loop(), node.component(RoadServices), reader).ask
 
 

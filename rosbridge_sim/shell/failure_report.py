@@ -130,9 +130,9 @@ class FailureReport:
 
     def _current(self) -> dict[str, Message]:
         node = self._simulator.node
-        if node is None or node.failure is not None:
+        if node is None or node.context.failure.why is not None:
             return {}
-        return {topic.name: message for topic, message in node.current_messages()}
+        return {topic.name: message for topic, message in node.context.publishers.current()}
 
 
 def _show(message: Message) -> str:

@@ -14,19 +14,16 @@ from collections.abc import Callable, Sequence
 from typing import Literal, TypeVar
 
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits, advise_release
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.scenery.pictures import Weather
-from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.egos.tf_publisher import TfFrames
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
 from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
 from rosbridge_sim.simulator.markers.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.simulator.sensor_rigs.mounted_sensors import MountedSensors
@@ -176,39 +173,6 @@ class SimulatorNode:
         context.publishers.show_latched(now)
         context.static_tf.announce_again(now)
 
-    def why_gone(self, service: str) -> str:
-        """Return the reason why a service of a removed ego is missing; see `EgoInterfaces.why_gone`.
-
-        Returns:
-            A text for the client; empty for any other name.
-        """
-        return self.context.ego_interfaces.why_gone(service)
-
-    @property
-    def failure(self) -> str | None:
-        """The reason why the world has stopped for good; None while it has not."""
-        return self.context.failure.why
-
-    @property
-    def num_ticks(self) -> int:
-        """Number of ticks carried out."""
-        return self.context.sync_driver.num_ticks
-
-    @property
-    def num_stalls(self) -> int:
-        """Number of stalls in which real time was lost for good."""
-        return self.context.pacer.num_stalls
-
-    @property
-    def num_frames(self) -> int:
-        """Number of frames computed; a reset of the world does not set it back."""
-        return self.context.stepper.num_frames
-
-    @property
-    def lost_time(self) -> float:
-        """Real time that was lost in stalls [s]; the world does not catch up with it."""
-        return self.context.pacer.lost_time
-
     def real_time_lag(self, now: float) -> float:
         """Return the delay of the world behind real time.
 
@@ -216,13 +180,9 @@ class SimulatorNode:
             The delay [s]; 0.0 while real time does not move the world.
         """
         context = self.context
-        if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
+        if not (context.sync.is_free and context.pacer.is_started) or context.failure.why is not None:
             return 0.0
         return max(0.0, now - context.pacer.due_at) if context.pacer.factor else 0.0
-
-    def measure_frames(self, meter: FrameMeter) -> None:
-        """Call a meter at the begin and at the end of each frame."""
-        self.context.stepper.meter = meter
 
     def limit_turns(self, read_clock: Callable[[], float]) -> None:
         """End each turn of work that is owed after a few milliseconds of this clock [s], so that others have theirs."""
@@ -233,18 +193,6 @@ class SimulatorNode:
         """Return the present names of the topics for viewers; another bridge gets them on request alone."""
         name_of = self.context.interfaces.name_of
         return tuple(name_of(InterfaceKind.PUBLISHER, topic) for topic in (SCENE_MAP, SCENE_OBJECTS))
-
-    def second_names(self) -> tuple[str, ...]:
-        """Return the present names of topics with the messages of another one; see `Publishers.second_names`."""
-        return self.context.publishers.second_names()
-
-    def current_messages(self) -> list[tuple[Topic, Message]]:
-        """Return the message that each topic would publish now, with or without subscribers.
-
-        Returns:
-            Topics that have something to publish, each with its message.
-        """
-        return list(self.context.publishers.current())
 
     def component(self, kind: type[C]) -> C:
         """Return the component of a class, of which there is one."""

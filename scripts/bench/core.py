@@ -88,7 +88,7 @@ class Core:
         assert [topic["op"] for topic in topics] == ["publish"] * is_listening, topics
         assert answer["values"]["response"]["tick_status"], answer
         assert self.num_objects == num_objects, f"{self.num_objects} objects in place of {num_objects}"
-        assert node.num_ticks == 1
+        assert node.context.sync_driver.num_ticks == 1
 
     @property
     def num_objects(self) -> int:

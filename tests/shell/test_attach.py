@@ -110,7 +110,7 @@ async def test_caller_behind_a_bridge_gets_the_failure_of_the_world(connect: Con
         client = await connect(bridge.url)
         assert sim.node is not None
         sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
-        await until(lambda: sim.node is not None and sim.node.failure is not None)
+        await until(lambda: sim.node is not None and sim.node.context.failure.why is not None)
         for _ in range(2):
             answer = await client.call("/Service_MoraiVehicleSpec")
             assert (answer["result"], answer["values"][:21]) == (False, "the world has failed:")

@@ -69,7 +69,7 @@ def test_late_frames_are_computed_in_small_portions() -> None:
     for _ in range(10):
         harness.node.advance(0.4)
     assert harness.world.frame == 20
-    assert harness.node.num_stalls == 0
+    assert harness.node.context.pacer.num_stalls == 0
 
 
 def test_stall_shifts_the_clock_and_is_logged_once(caplog: pytest.LogCaptureFixture) -> None:
@@ -79,7 +79,7 @@ def test_stall_shifts_the_clock_and_is_logged_once(caplog: pytest.LogCaptureFixt
     assert harness.world.frame == 1
     harness.node.advance(2_000.0)
     assert harness.world.frame == 2
-    assert harness.node.num_stalls == 2
+    assert harness.node.context.pacer.num_stalls == 2
     assert [r.levelno for r in caplog.records if "stalled" in r.message].count(logging.WARNING) == 1
     assert harness.node.next_due(2_000.0) == pytest.approx(2_000.02)
 
@@ -93,7 +93,7 @@ def test_lag_is_what_real_time_is_ahead_of_the_world() -> None:
     assert node.real_time_lag(0.32) == pytest.approx(0.3)
     node.advance(1_000.0)
     assert node.real_time_lag(1_000.0) == 0.0
-    assert node.lost_time == pytest.approx(999.98)
+    assert node.context.pacer.lost_time == pytest.approx(999.98)
     assert harness.client().ask("/Service_MoraiEventCmd", option=8, set_pause=True)["set_pause"] is True
     assert node.real_time_lag(2_000.0) == 0.0, "a pause owes nothing"
 
@@ -110,16 +110,16 @@ def test_frames_are_measured_and_counted_by_real_time_and_by_ticks() -> None:
             calls.append(f"end {harness.world.frame}")
 
     harness.run(0.1)
-    harness.node.measure_frames(Meter())
+    harness.node.context.stepper.meter = Meter()
     harness.run(0.04)
     client = harness.client()
     client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=40)
     client.ask("/SyncModeWaitForTick", user_id="me", frame=9)
     assert calls == [word for frame in (6, 7, 8, 9) for word in ("begin", f"end {frame}")]
-    assert harness.node.num_frames == 9
+    assert harness.node.context.stepper.num_frames == 9
     harness.client().call("/sim/reset", {"seed": 1})
     assert harness.world.frame == 0
-    assert harness.node.num_frames == 9, "a counter never goes back"
+    assert harness.node.context.stepper.num_frames == 9, "a counter never goes back"
 
 
 def test_control_topic_drives_and_brakes_the_car_without_setup() -> None:
@@ -157,7 +157,7 @@ def test_pause_stops_real_time_without_catching_up_later() -> None:
     assert client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)["set_pause"] is False
     harness.run(0.2)
     assert harness.world.frame == 20
-    assert harness.node.num_stalls == 0
+    assert harness.node.context.pacer.num_stalls == 0
 
 
 def test_topics_without_subscribers_are_not_computed() -> None:
@@ -303,7 +303,7 @@ def test_real_time_resumes_after_stop_without_catching_up() -> None:
     client.stop()
     harness.run(0.1)
     assert harness.world.frame == 10
-    assert harness.node.num_stalls == 0
+    assert harness.node.context.pacer.num_stalls == 0
 
 
 def test_any_client_may_stop_if_allowed() -> None:
@@ -415,7 +415,7 @@ def test_a_silent_master_is_lost_after_the_lease() -> None:
     harness.run(0.2)
     assert harness.node.sync.is_free
     assert harness.world.frame == 1 + 5
-    assert harness.node.num_stalls == 0
+    assert harness.node.context.pacer.num_stalls == 0
 
 
 # Names that are the simulator's own
@@ -444,7 +444,7 @@ def test_failed_step_in_real_time_is_raised_at_every_call() -> None:
         with pytest.raises(ZeroDivisionError, match="planted"):
             harness.node.advance(harness.now + later)
         assert harness.node.next_due(harness.now) == harness.now
-    assert harness.node.failure == WHY
+    assert harness.node.context.failure.why == WHY
     assert harness.world.frame == 0
 
 
@@ -539,7 +539,7 @@ def test_failing_subscriber_is_not_a_failure_of_the_world(start: str) -> None:
     else:
         harness.run(0.1)
     assert len(good.messages("/Ego_topic")) == harness.world.frame == 5
-    assert harness.node.failure is None
+    assert harness.node.context.failure.why is None
     assert frail not in harness.bus.owners()
     assert harness.bus.guard.num_faults == 1 + 5
 
@@ -580,8 +580,8 @@ def test_master_that_fails_during_its_tick_is_lost_after_its_last_frame(on_loss:
         ("", status, 5),
     ]
     assert answers == []  # nobody is there to hear it
-    assert harness.node.num_ticks == 1
-    assert harness.node.failure is None
+    assert harness.node.context.sync_driver.num_ticks == 1
+    assert harness.node.context.failure.why is None
 
 
 def test_master_is_lost_although_other_departure_hooks_fail() -> None:

@@ -126,7 +126,7 @@ class Metrics:
             self._registry.register(self)
             ProcessCollector(registry=self._registry)  # memory, CPU time and descriptors of the whole process
             if self._node is not None:
-                self._node.measure_frames(self.frames)
+                self._node.context.stepper.meter = self.frames
         return self._registry
 
     def describe(self) -> list[Metric]:
@@ -190,16 +190,19 @@ class Metrics:
     def _of_world(self, node: SimulatorNode) -> Iterator[Metric]:
         from prometheus_client.metrics_core import HistogramMetricFamily  # noqa: PLC0415 - as above
 
-        yield _gauge("world_failed", "1 after an internal error has ended the world, else 0.", node.failure is not None)
+        context = node.context
+        yield _gauge(
+            "world_failed", "1 after an internal error has ended the world, else 0.", context.failure.why is not None
+        )
         yield _gauge("frame", "Number of the world's last frame; a reset sets it to 0.", node.world.frame)
-        yield _counter("frames", "Frames of 20 ms computed since the start.", node.num_frames)
-        yield _counter("ticks", "Ticks of synchronous mode that were done.", node.num_ticks)
+        yield _counter("frames", "Frames of 20 ms computed since the start.", context.stepper.num_frames)
+        yield _counter("ticks", "Ticks of synchronous mode that were done.", context.sync_driver.num_ticks)
         yield _gauge("synchronous_mode", "1 while synchronous mode is on, else 0.", node.sync.is_on)
         yield _gauge("paused", "1 while the simulation is paused, else 0.", node.sync.is_paused)
         lag = node.real_time_lag(self._loop.time())
         yield _gauge("real_time_lag_seconds", "Time by which the world is behind real time now.", lag)
-        yield _counter("real_time_stalls", "Stalls after which the world skipped real time.", node.num_stalls)
-        yield _counter("real_time_lost_seconds", "Real time that was skipped after stalls.", node.lost_time)
+        yield _counter("real_time_stalls", "Stalls after which the world skipped real time.", context.pacer.num_stalls)
+        yield _counter("real_time_lost_seconds", "Real time that was skipped after stalls.", context.pacer.lost_time)
         bounds = [*map(str, FRAME_BOUNDS), "+Inf"]
         yield HistogramMetricFamily(
             "rosbridge_sim_frame_cpu_seconds",

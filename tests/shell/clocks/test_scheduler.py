@@ -137,7 +137,7 @@ def test_frames_of_a_stall_are_not_caught_up() -> None:
     room = SchedulerFixture()
     room.loop.move_to(1000.0 + 3600.0)
     assert room.frame == 1
-    assert room.node.num_stalls == 1
+    assert room.node.context.pacer.num_stalls == 1
 
 
 def test_earlier_time_out_resets_the_timer() -> None:
@@ -332,7 +332,7 @@ def test_real_time_is_right_where_timers_are_coarse() -> None:
     for second in range(1, 11):
         loop.run_until(1000.0 + second)
         assert 0 <= 50 * second - room.frame <= 1
-    assert room.node.num_stalls == 0
+    assert room.node.context.pacer.num_stalls == 0
     assert loop.num_turns <= 2 * 10 / loop.STEP, "it waits, and does not spin"
 
 

@@ -162,7 +162,7 @@ async def test_two_simulators_have_registries_of_their_own() -> None:
     async with Simulator(port=0, start="sync") as one, Simulator(port=0) as two:
         assert two.node is not None
         async with asyncio.timeout(PATIENCE):
-            while not two.node.num_frames:  # noqa: ASYNC110 - it has no event for that
+            while not two.node.context.stepper.num_frames:  # noqa: ASYNC110 - it has no event for that
                 await asyncio.sleep(0)
         first, second = (await scrape(one)).values, (await scrape(two)).values
     assert first["rosbridge_sim_frames_total"] == 0.0

@@ -475,14 +475,14 @@ def test_services_of_a_removed_ego_are_remembered_until_it_returns() -> None:
     harness, client = two_egos()
     name = "/Ego-2/Service_MoraiEventCmd"
     assert name in harness.bus.services
-    assert not harness.node.why_gone(name)
+    assert not harness.node.context.ego_interfaces.why_gone(name)
     harness.node.reset(None, 0.0)
     assert name not in harness.bus.services
-    assert harness.node.why_gone(name) == "ego 2 has left"
-    assert not harness.node.why_gone("/Service_MoraiEventCmd")
-    assert not harness.node.why_gone("/Ego-3/Service_MoraiEventCmd")
+    assert harness.node.context.ego_interfaces.why_gone(name) == "ego 2 has left"
+    assert not harness.node.context.ego_interfaces.why_gone("/Service_MoraiEventCmd")
+    assert not harness.node.context.ego_interfaces.why_gone("/Ego-3/Service_MoraiEventCmd")
     put(client, 2)
-    assert not harness.node.why_gone(name)
+    assert not harness.node.context.ego_interfaces.why_gone(name)
 
 
 def test_services_of_an_ego_that_leaves_and_returns_are_never_reported_as_unknown() -> None:
@@ -491,7 +491,11 @@ def test_services_of_an_ego_that_leaves_and_returns_are_never_reported_as_unknow
     lost: list[str] = []
 
     def look(_owner: Participant) -> None:
-        lost.extend(name for name in names if name not in harness.bus.services and not harness.node.why_gone(name))
+        lost.extend(
+            name
+            for name in names
+            if name not in harness.bus.services and not harness.node.context.ego_interfaces.why_gone(name)
+        )
 
     harness.bus.on_holdings.append(look)
     harness.node.reset(None, 0.0)
@@ -511,5 +515,5 @@ def test_remembered_ego_numbers_are_bounded(monkeypatch: pytest.MonkeyPatch) -> 
         harness.node.context.ego_interfaces.why_gone(f"/Ego-{index}/Service_MoraiEventCmd") for index in range(10, 20)
     ]
     assert [bool(text) for text in gone] == [False] * 9 + [True], "the last one has three services, and three are kept"
-    assert harness.node.why_gone("/Ego-19/Service_MoraiEventCmd")
-    assert not harness.node.why_gone("/Ego-10/Service_MoraiEventCmd")
+    assert harness.node.context.ego_interfaces.why_gone("/Ego-19/Service_MoraiEventCmd")
+    assert not harness.node.context.ego_interfaces.why_gone("/Ego-10/Service_MoraiEventCmd")

@@ -155,7 +155,7 @@ def test_internal_error_ends_the_work_and_releases_its_client(
     turn(harness)
     assert harness.bus.guard.num_faults == 1
     assert not publisher.peer.is_held
-    assert harness.node.failure is None
+    assert harness.node.context.failure.why is None
 
 
 def test_ghosts_of_a_failed_world_are_refused(harness: SimHarness) -> None:

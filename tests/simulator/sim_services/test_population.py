@@ -551,7 +551,7 @@ def play(calls: list[tuple[str, dict[str, Any]]]) -> list[tuple[bool, str]]:
         after = harness.world.digest()
         assert is_done or after == before
         story.append((is_done, after))
-    assert harness.node.failure is None
+    assert harness.node.context.failure.why is None
     assert harness.bus.guard.num_faults == 0
     return story
 

@@ -73,7 +73,7 @@ def test_as_fast_as_possible_computes_frames_whenever_it_is_asked_and_ends_its_t
     for topic in ("/Ego_topic", "/SyncModeInfo"):
         assert 30 <= len(client.messages(topic)) <= 0.3 * MAX_WALL_RATE
     assert harness.node.real_time_lag(harness.now) == 0.0
-    assert harness.node.num_stalls == 0
+    assert harness.node.context.pacer.num_stalls == 0
     client.now = harness.now
     assert values(client, factor=-1.0)["measured"] == pytest.approx(80.0, rel=0.02)
     set_factor(harness, client, 1.0)

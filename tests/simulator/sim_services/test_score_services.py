@@ -184,10 +184,10 @@ def test_wrong_request_is_refused_and_begins_nothing() -> None:
 
 def test_scores_begun_while_nobody_listens_are_told_by_current_messages() -> None:
     harness, client = in_sync()
-    assert "/sim/score" not in {topic.name for topic, _ in harness.node.current_messages()}
+    assert "/sim/score" not in {topic.name for topic, _ in harness.node.context.publishers.current()}
     assert not harness.world.is_scoring
     scores_of(client)
-    assert "/sim/score" in {topic.name for topic, _ in harness.node.current_messages()}
+    assert "/sim/score" in {topic.name for topic, _ in harness.node.context.publishers.current()}
 
 
 def test_topic_that_is_turned_off_leaves_the_service() -> None:

@@ -142,7 +142,7 @@ def test_frames_of_one_step_are_divided_over_turns() -> None:
         assert (harness.world.frame, answers) == (frame, [])
         assert harness.node.next_due(harness.now) == harness.now
         harness.node.advance(harness.now)
-    assert (values(answers[0])["steps"], harness.world.frame, harness.node.num_ticks) == (2, 100, 2)
+    assert (values(answers[0])["steps"], harness.world.frame, harness.node.context.sync_driver.num_ticks) == (2, 100, 2)
     assert harness.node.next_due(harness.now) is None
 
 

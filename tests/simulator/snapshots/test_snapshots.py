@@ -707,7 +707,7 @@ def test_world_that_has_failed_restores_nothing(monkeypatch: pytest.MonkeyPatch)
 def test_every_topic_of_the_world_is_heard_here() -> None:
     harness = SimHarness("crossing")
     # The markers differ after a restore: they begin with the deletion of what viewers were shown before.
-    assert {topic.name for topic, _ in harness.node.current_messages()} <= {*HEARD, "/sim/scene/objects"}
+    assert {topic.name for topic, _ in harness.node.context.publishers.current()} <= {*HEARD, "/sim/scene/objects"}
 
 
 def test_restore_is_refused_while_a_tick_waits_for_its_turn() -> None:
