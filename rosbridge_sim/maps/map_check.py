@@ -14,13 +14,11 @@ import numpy as np
 
 from rosbridge_sim.documents.document_model import read_text
 from rosbridge_sim.documents.document_reading import parse_json
-from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.mgeo import BORDER_FILES, FILES, INFO_FILE, MAP_FILES
 from rosbridge_sim.maps.mgeo_lights import CROSSWALK_FILES, LIGHT_FILES, light_type, sort_files
 from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES
 from rosbridge_sim.maps.road_map import Projection, RoadMap
-from rosbridge_sim.records import Record
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -45,41 +43,14 @@ Entry = dict[str, Any]
 """An entry of a file: a JSON object, checked as far as it is read."""
 
 
-class _Sets(Record):
-    """The entries of a map's files, by kind."""
-
-    info: Entry
-    nodes: list[Entry]
-    links: list[Entry]
-    borders: list[Entry]
-    lights: list[Entry]
-    synced: list[Entry]
-    controllers: list[Entry]
-    schedules: list[Entry]
-    crosswalks: list[Entry]
-
-
-def _parse(files: Mapping[str, bytes]) -> _Sets:
-    def entries(name: str | None) -> JsonValue:
-        return [] if name is None or name not in files else parse_json(files[name], name, MAX_MAP_BYTES)
-
-    def entries_of(kind: str) -> JsonValue:
-        return entries(roles.get(kind))
-
+def _parse(files: Mapping[str, bytes]) -> dict[str, Any]:
+    """Return the entries of a map's files, by kind."""
     roles = {kind: name for kind, (_, name) in sort_files({name: (text, name) for name, text in files.items()}).items()}
-    node_file, link_file = FILES
-    border_file = next((name for name in BORDER_FILES if name in files), None)
-    return _Sets(
-        info=entries(INFO_FILE) or {},
-        nodes=entries(node_file),
-        links=entries(link_file),
-        borders=entries(border_file),
-        lights=entries_of("lights"),
-        synced=entries_of("synced"),
-        controllers=entries_of("controllers"),
-        schedules=entries_of("schedules"),
-        crosswalks=entries(CROSSWALK_FILES[1]),
-    )
+    border_file = next((name for name in BORDER_FILES if name in files), "")
+    known = {"info": INFO_FILE, "nodes": FILES[0], "links": FILES[1], "borders": border_file}
+    known["crosswalks"] = CROSSWALK_FILES[1]
+    names = {**dict.fromkeys(("lights", "synced", "controllers", "schedules"), ""), **known, **roles}
+    return {kind: parse_json(files[name], name, MAX_MAP_BYTES) if name in files else [] for kind, name in names.items()}
 
 
 def _name(entry: Entry, key: str = "idx") -> str:
@@ -133,12 +104,14 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
     sets = _parse(files)
     roads, plan, projection = road_map.roads, road_map.plan, road_map.projection
     low, high = (roads.points.min(axis=0), roads.points.max(axis=0)) if len(roads) else (np.zeros(3), np.zeros(3))
-    changes = [link for link in sets.links if link.get("lazy_init")]
-    kinds_of_edges = [_text(edge.get("lane_type")) for edge in sets.borders] or [str(e.type) for e in road_map.borders]
-    kinds = {_name(link): _text(link.get("link_type")) for link in sets.links}
+    changes = [link for link in sets["links"] if link.get("lazy_init")]
+    kinds_of_edges = [_text(edge.get("lane_type")) for edge in sets["borders"]] or [
+        str(e.type) for e in road_map.borders
+    ]
+    kinds = {_name(link): _text(link.get("link_type")) for link in sets["links"]}
     return {
         "name": road_map.name,
-        "version": _version(sets.info),
+        "version": _version(sets["info"] or {}),
         "projection": {
             "text": projection.text,
             "kind": _projection_kind(projection),
@@ -146,7 +119,10 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
         },
         "origin": list(road_map.origin),
         "extent": {axis: [float(low[i]), float(high[i])] for i, axis in enumerate("xyz")},
-        "nodes": {"num": len(sets.nodes), "on_stop_line": sum(bool(node.get("on_stop_line")) for node in sets.nodes)},
+        "nodes": {
+            "num": len(sets["nodes"]),
+            "on_stop_line": sum(bool(node.get("on_stop_line")) for node in sets["nodes"]),
+        },
         "lanes": {
             "num": len(roads),
             "num_links_for_changes": len(changes),
@@ -201,17 +177,17 @@ def _lengths(length: Any, keys: Sequence[str]) -> dict[str, Entry]:  # noqa: ANN
     return dict(sorted(out.items(), key=lambda item: -item[1]["length_km"]))
 
 
-def _lights(sets: _Sets, plan: SignalPlan) -> Entry:
+def _lights(sets: dict[str, Any], plan: SignalPlan) -> Entry:
     def lamps(entry: Entry) -> str:
         sub_type = entry.get("sub_type")
         return ", ".join(map(str, sub_type)) if isinstance(sub_type, list) else _text(sub_type)
 
     return {
         "num": len(plan.lights),
-        "by_type": _count(_text(entry.get("type")) for entry in sets.lights),
-        "by_sub_type": _count(lamps(entry) for entry in sets.lights),
+        "by_type": _count(_text(entry.get("type")) for entry in sets["lights"]),
+        "by_sub_type": _count(lamps(entry) for entry in sets["lights"]),
         "by_type_on_the_wire": _count(str(light_type(light)) for light in plan.lights),
-        "num_groups": len(sets.synced),
+        "num_groups": len(sets["synced"]),
     }
 
 
@@ -234,7 +210,7 @@ def _controllers(plan: SignalPlan) -> Iterator[Entry]:
 # Gaps
 
 
-def _gaps(sets: _Sets, road_map: RoadMap) -> Iterator[Entry]:
+def _gaps(sets: dict[str, Any], road_map: RoadMap) -> Iterator[Entry]:
     """Yield each kind of gap with its number and the first names."""
     for what, names in (*_gaps_of_lanes(sets, road_map), *_gaps_of_lights(sets, road_map)):
         found = list(dict.fromkeys(names))
@@ -242,14 +218,14 @@ def _gaps(sets: _Sets, road_map: RoadMap) -> Iterator[Entry]:
             yield {"what": what, "num": len(found), "examples": found[:MAX_EXAMPLES]}
 
 
-def _gaps_of_lanes(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[str]]]:
+def _gaps_of_lanes(sets: dict[str, Any], road_map: RoadMap) -> Iterator[tuple[str, list[str]]]:
     roads = road_map.roads
     led_to = set(roads.successor.tolist())
     driven = set(roads.ids)
-    lanes = [link for link in sets.links if not link.get("lazy_init") and _name(link) in driven]
-    known = {"", *map(_name, sets.links)}
-    edges = set(map(_name, sets.borders))
-    used = {_name(link, key) for link in sets.links for key in ("from_node_idx", "to_node_idx")}
+    lanes = [link for link in sets["links"] if not link.get("lazy_init") and _name(link) in driven]
+    known = {"", *map(_name, sets["links"])}
+    edges = set(map(_name, sets["borders"]))
+    used = {_name(link, key) for link in sets["links"] for key in ("from_node_idx", "to_node_idx")}
 
     def where(is_so: Callable[[int], bool]) -> list[str]:
         return [name for lane, name in enumerate(roads.ids) if is_so(lane)]
@@ -270,8 +246,8 @@ def _gaps_of_lanes(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[s
             [_name(link) for link in lanes if _name(link, key) not in known],
         )
         yield f"lanes with a {side} edge that is not there", _lacking(lanes, f"lane_mark_{side}", edges)
-    yield "links for a change to lanes that are not there", _lacking(sets.links, "lane_ch_link_path", known)
-    yield "nodes without a link", [_name(node) for node in sets.nodes if _name(node) not in used]
+    yield "links for a change to lanes that are not there", _lacking(sets["links"], "lane_ch_link_path", known)
+    yield "nodes without a link", [_name(node) for node in sets["nodes"] if _name(node) not in used]
 
 
 def _torn(roads: Roads) -> list[str]:
@@ -293,10 +269,10 @@ def _gives_way(roads: Roads, lane: int) -> bool:
     return not conflicts.gives_way[conflicts.rivals.other[link]].all()
 
 
-def _gaps_of_lights(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[str]]]:
+def _gaps_of_lights(sets: dict[str, Any], road_map: RoadMap) -> Iterator[tuple[str, list[str]]]:
     roads, plan = road_map.roads, road_map.plan
-    lights, links = set(map(_name, sets.lights)), set(map(_name, sets.links))
-    yield "lights with a link that is not there", _lacking(sets.lights, "link_id_list", links)
+    lights, links = set(map(_name, sets["lights"])), set(map(_name, sets["links"]))
+    yield "lights with a link that is not there", _lacking(sets["lights"], "link_id_list", links)
     without = [light.name for light in plan.lights if not light.is_pedestrian and not light.lanes]
     yield "lights for vehicles that serve no lane", without
     is_free = (plan.controller[plan.group] < 0) & ~plan.is_warning
@@ -307,13 +283,13 @@ def _gaps_of_lights(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[
         "lanes to a stop line without a light",
         [roads.ids[lane] for lane in ends if is_dark[roads.successors(lane)].all() and not _gives_way(roads, lane)],
     )
-    yield "groups with a light that is not there", _lacking(sets.synced, "signal_id_list", lights)
-    flat = [{"idx": _name(one), "TL": [name for group in one["TL"] for name in group]} for one in sets.controllers]
+    yield "groups with a light that is not there", _lacking(sets["synced"], "signal_id_list", lights)
+    flat = [{"idx": _name(one), "TL": [name for group in one["TL"] for name in group]} for one in sets["controllers"]]
     yield "intersection controllers with a light that is not there", _lacking(flat, "TL", lights)
     yield "intersection controllers without a schedule", [one.name for one in plan.controllers if not one.phases]
     run = {one.name for one in plan.controllers}
     yield (
         "schedules without an intersection controller",
-        [_name(one) for one in sets.schedules if _name(one) not in run],
+        [_name(one) for one in sets["schedules"] if _name(one) not in run],
     )
-    yield "crosswalks with a light that is not there", _lacking(sets.crosswalks, "ref_traffic_light_list", lights)
+    yield "crosswalks with a light that is not there", _lacking(sets["crosswalks"], "ref_traffic_light_list", lights)

@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Final
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, Final, TypeVar
 
 from msgspec import Meta
 
@@ -32,6 +34,8 @@ from rosbridge_sim.maps.road_map import Crosswalk
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan, Walk
 from rosbridge_sim.world.state.world import DT
+
+T = TypeVar("T")
 
 LIGHT_FILES: Final = (
     "traffic_light_set.json",
@@ -161,13 +165,8 @@ def colour_of(name: str) -> int | None:
     known = sum(int(lamp) for lamp in Lamp)
     if text.isdecimal():
         return int(text) if len(text) <= 4 and not int(text) & ~known else None  # noqa: PLR2004  # 4095 at most
-    lamps = [_COLOURS.get(part) for part in text.split("_with_")]
-    total = 0
-    for lamp in lamps:
-        if lamp is None:
-            return None
-        total |= lamp
-    return total
+    lamps = [_COLOURS.get(part, -1) for part in text.split("_with_")]
+    return None if -1 in lamps else reduce(or_, lamps)
 
 
 def light_type(light: Light) -> int:
@@ -221,7 +220,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
         DocumentError: one line: file, place in it, expected value, actual value.
     """
     sorted_files = sort_files(files)
-    entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_MAP_BYTES) if "lights" in sorted_files else []
+    entries = _entries(_LIGHTS, sorted_files, "lights")
     rows: dict[str, int] = {}
     lights: list[Light] = []
     for entry in entries:
@@ -230,20 +229,13 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
             continue
         rows[entry.idx] = len(lights)
         lights.append(_light(entry, lanes))
-    synced = read_document(_SYNCED, *sorted_files["synced"], MAX_MAP_BYTES) if "synced" in sorted_files else []
+    synced = _entries(_SYNCED, sorted_files, "synced")
     groups = [_known(entry.signal_id_list, rows) for entry in synced]
-    plans = (
-        read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_MAP_BYTES)
-        if "controllers" in sorted_files
-        else []
-    )
+    plans = _entries(_CONTROLLERS, sorted_files, "controllers")
     first_note = len(notes)
     named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
     controllers = named or list(_controllers_of(synced, groups))
-    schedules = (
-        read_document(_SCHEDULES, *sorted_files["schedules"], MAX_MAP_BYTES) if "schedules" in sorted_files else []
-    )
-    by_name = {schedule.idx: schedule for schedule in schedules}
+    by_name = {schedule.idx: schedule for schedule in _entries(_SCHEDULES, sorted_files, "schedules")}
     synced_rows = {entry.idx: group for entry, group in zip(synced, groups, strict=True)}
     laid = [_controller(name, members, by_name.pop(name, None), synced_rows, notes) for name, members in controllers]
     for schedule in by_name.values():
@@ -261,6 +253,10 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
             what = "lights are run by their groups and schedules"
         notes.insert(first_note, f"the set of intersection controllers is empty; {what}")
     return SignalPlan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
+
+
+def _entries(kind: DocumentType[list[T]], files: Mapping[str, tuple[bytes, str]], key: str) -> list[T]:
+    return read_document(kind, *files[key], MAX_MAP_BYTES) if key in files else []
 
 
 def sort_files(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
@@ -453,12 +449,12 @@ def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) ->
         DocumentError: one line: file, place in it, expected value, actual value.
     """
     stripe_file, group_file = CROSSWALK_FILES
-    stripes = read_document(_STRIPES, *files[stripe_file], MAX_MAP_BYTES) if stripe_file in files else []
+    stripes = _entries(_STRIPES, files, stripe_file)
     outlines: dict[str, FloatArray] = {}
     for i, stripe in enumerate(stripes):
         if len(stripe.points) > 2:  # noqa: PLR2004  # an area has three corners
             outlines[stripe.idx] = read_line(stripe.points, f"{files[stripe_file][1]}: [{i}].points")
-    entries = read_document(_CROSSWALKS, *files[group_file], MAX_MAP_BYTES) if group_file in files else []
+    entries = _entries(_CROSSWALKS, files, group_file)
     rows = {light.name: row for row, light in enumerate(plan.lights)}
     crosswalks = []
     taken: set[str] = set()
