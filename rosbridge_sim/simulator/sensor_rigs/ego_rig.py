@@ -10,9 +10,8 @@ from typing import Final
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
-from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
+from rosbridge_sim.simulator.bus.publisher_kinds import FRAME_RATE, PeriodicPublisher
 from rosbridge_sim.simulator.egos.ego import Ego
-from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec
 

@@ -15,6 +15,7 @@ from rosbridge_sim.documents.document_reading import MistakeNotReadyError
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.simulator.bus.publisher_kinds import FRAME_RATE
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.kernel.component import Component
@@ -29,7 +30,6 @@ from rosbridge_sim.simulator.sensor_rigs.sensor_presets import (
     read_rig,
     read_rig_text,
 )
-from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.sensor_specs import SensorSpec
 from rosbridge_sim.simulator.sensors.sensor_table import check_rig
 from rosbridge_sim.suggestions import hint

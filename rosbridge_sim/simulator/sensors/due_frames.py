@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-from functools import lru_cache
-from typing import Final
-
-FRAME_RATE: Final = 50.0
-"""Frames in a second of simulated time, and so the highest rate of a sensor [Hz]."""
+from rosbridge_sim.simulator.bus.publisher_kinds import in_each_frame
 
 
 def is_due(rate: float, frame: int) -> bool:
@@ -23,12 +18,5 @@ def is_due(rate: float, frame: int) -> bool:
 
 def num_due(rate: float, frame: int, num_frames: int) -> int:
     """Return how many messages of a rate belong to the last frames up to one; see `is_due`."""
-    up, down = _step(rate)
+    up, down = in_each_frame(rate).as_integer_ratio()
     return frame * up // down - (frame - num_frames) * up // down
-
-
-@lru_cache(maxsize=64)
-def _step(rate: float) -> tuple[int, int]:
-    """Return the messages of a frame, as a fraction."""
-    step = Fraction(rate).limit_denominator(10_000) / int(FRAME_RATE)
-    return step.numerator, step.denominator

@@ -99,6 +99,4 @@ class Lidar2dSpec(LidarSpec, frozen=True, kw_only=True):
         )
 
 
-@lru_cache(maxsize=4)  # 34 MB each at most
-def _beams(num_values: int, ahead: int, period: float) -> Beams:
-    return beams_2d(num_values, ahead, period)
+_beams = lru_cache(maxsize=4)(beams_2d)  # 34 MB each at most

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
 from rosbridge_sim.documents.document_model import Document, KeptAsWritten, Number, Text, Whole
-from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
+from rosbridge_sim.simulator.bus.publisher_kinds import FRAME_RATE
 
 _UDP: Final = 1
 """`commType` of native packets over UDP."""

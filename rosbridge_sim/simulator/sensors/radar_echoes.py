@@ -102,8 +102,6 @@ def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarBeams) ->
     axes = _axes(world, row, mounting)
     reach = max(spec.near_range, spec.far_range)
     others = _nearest(world, row, here, reach)
-    if not len(others):
-        return _no_echoes()
     feet = _Footprints(world, others, here)
     x, y = feet.nearest_points()
     away = np.stack([x, y, world.z[others] + 0.5 * world.height[others] - here[2]])
@@ -154,11 +152,6 @@ def _velocity(world: World, row: int, here: Vector) -> tuple[float, float]:
     yaw, speed, turn = world.yaw.item(row), world.speed.item(row), world.yaw_rate.item(row)
     x, y = here[0] - world.x.item(row), here[1] - world.y.item(row)
     return speed * math.cos(yaw) - turn * y, speed * math.sin(yaw) + turn * x
-
-
-def _no_echoes() -> RadarEchoes:
-    none = np.zeros(0)
-    return RadarEchoes(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), none, none, none, none)
 
 
 def _nearest(world: World, row: int, here: Vector, reach: float) -> IntArray:

@@ -28,7 +28,7 @@ import numpy as np
 
 from rosbridge_sim.documents.document_model import DocumentType, Ratio, Table, number_within
 from rosbridge_sim.documents.document_reading import document_schema, read_document
-from rosbridge_sim.world.geometry.planar import Quaternion, Vector, chain, quaternion
+from rosbridge_sim.world.geometry.planar import Vector, chain, quaternion
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.vehicle.sensor_readings import Inertia
 
@@ -274,7 +274,7 @@ class NoiseSource:
         lean = [self._error(axis, imu.roll_pitch) for axis in ("roll", "pitch")]
         axes = chain(exact.orientation, quaternion(lean[0], lean[1], 0.0))
         return Inertia(
-            chain(_turned(self._error("yaw", imu.yaw)), axes),
+            chain(quaternion(0.0, 0.0, self._error("yaw", imu.yaw)), axes),
             self._shift("rate", exact.angular_velocity, imu.angular_velocity),
             self._shift("accel", exact.acceleration, imu.acceleration),
         )
@@ -327,11 +327,6 @@ class NoiseSource:
     def _draw(self, name: str, number: int) -> tuple[float, float]:
         bits = blake2b(f"{name} {number}".encode(), digest_size=16, key=self._key).digest()
         return int.from_bytes(bits[:8]) / 2**64 * (1.0 - 2.0**-53), int.from_bytes(bits[8:]) / 2**64
-
-
-def _turned(yaw: float) -> Quaternion:
-    """Return the rotation about the vertical axis of the map."""
-    return quaternion(0.0, 0.0, yaw)
 
 
 def covariance(*variances: float) -> list[float]:

@@ -18,9 +18,9 @@ from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, TypeAli
 from rosbridge_sim.documents.document_model import Table, number_within, text_within
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
+from rosbridge_sim.simulator.bus.publisher_kinds import FRAME_RATE
 from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.egos.tf_publisher import BASE, CENTER, MAP, ODOM, WHEEL_FRAMES
-from rosbridge_sim.simulator.sensors.due_frames import FRAME_RATE
 from rosbridge_sim.simulator.sensors.morai_items import Item, Reading, place_of
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
