@@ -611,7 +611,7 @@ def test_first_frames_compute_nothing_of_the_roads_that_reading_has_not(
     routes = roads.derived(KnownRoutes)._found
 
     def known() -> tuple[set[object], int, int, int]:
-        return set(roads._derived), len(crossings._table.numbers), len(routes), _lay_once.cache_info().misses
+        return set(roads.kept), len(crossings._table.numbers), len(routes), _lay_once.cache_info().misses
 
     read = known()
     reader.hand_over()

@@ -141,7 +141,7 @@ def test_flat_map_is_not_searched() -> None:
         0.0,
     )
     assert world.roads.is_flat
-    assert Surface not in world.roads._derived
+    assert Surface not in world.roads.kept
 
 
 @BOTH
