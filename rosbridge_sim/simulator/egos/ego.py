@@ -135,10 +135,6 @@ class Ego:
         world, row = self._world, self.row
         return world.x.item(row), world.y.item(row), world.z.item(row), world.yaw.item(row)
 
-    def start_odometry(self) -> None:
-        """Move `odom` to the present pose, so that the ego is at zero in it."""
-        self.odom_origin = self.pose
-
     def keep_odometry(self, before: Origin) -> None:
         """Move `odom` in the map, so that the pose in `odom` stays the same over a jump.
 
@@ -275,9 +271,10 @@ class Ego:
     def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
         """Place the ego, which is a jump for its odometry; a ghost that moves less than `GHOST_JUMP` does not jump."""
         before, was_ghost = self.pose, self._world.is_ghost.item(self.row)
-        place = placement.place_ghost if is_ghost else placement.teleport
         angles = {"roll": pose.roll, "pitch": pose.pitch, "yaw": pose.yaw}
-        place(self._world, self.row, x=pose.x, y=pose.y, z=pose.z, speed=speed, **angles)
+        placement.teleport(
+            self._world, self.row, x=pose.x, y=pose.y, z=pose.z, speed=speed, is_ghost=is_ghost, **angles
+        )
         if not (is_ghost and was_ghost) or math.dist(before[:3], self.pose[:3]) > GHOST_JUMP:
             self.keep_odometry(before)
 

@@ -116,7 +116,7 @@ class EgoRegistry:
         self.drop(self._egos)
         self.first.ctrl_mode = self._ctrl_mode
         self.first.reset_controls()
-        self.first.start_odometry()
+        self.first.odom_origin = self.first.pose
 
     def keep_odometry(self, poses: Iterable[Origin]) -> None:
         """Note that the egos that are still there have jumped; see `Ego.keep_odometry`.

@@ -255,7 +255,7 @@ class Paths:
         self._keys: IntArray = np.empty(MIN_SEGMENTS, dtype=np.int64)
         self._spans: dict[int, tuple[int, int]] = {}  # in the order of the store
         self._contents: dict[int, bytes] = {}
-        self._next_base = 0
+        self.next_base = 0
         self.num_live = 0
         self._bind(0)
 
@@ -269,14 +269,14 @@ class Paths:
         Raises:
             ValueError: the keys are used up. The store is as it was.
         """
-        first, count, base = self.num, len(segments), self._next_base
+        first, count, base = self.num, len(segments), self.next_base
         next_base = self.check_room(segments)
         if first + count > len(self._keys):
             self._reserve(2 * (first + count))
         self._segments[first : first + count] = segments
         self._keys[first : first + count] = base + np.floor(segments[:, START] * KEYS_PER_METRE).astype(np.int64)
         self._spans[path] = (first, count)
-        self._next_base = next_base
+        self.next_base = next_base
         self.num_live += count
         self._bind(first + count)
         return base
@@ -288,7 +288,7 @@ class Paths:
             ValueError: the keys would be used up.
         """
         # One key beyond the end of the path keeps an entity that stands exactly there on its own path.
-        next_base = self._next_base + int(segments[-1, END] * KEYS_PER_METRE) + 2
+        next_base = self.next_base + int(segments[-1, END] * KEYS_PER_METRE) + 2
         if next_base > MAX_KEY:
             raise ValueError(f"path: the paths in use are longer together than {MAX_KEY / KEYS_PER_METRE:g} m")
         return next_base
@@ -303,15 +303,10 @@ class Paths:
         self._contents.pop(path, None)
         self._digest = self._snapshot = None
         self.num_live -= count
-        if 2 * self.num_live >= self.num and self._next_base < MAX_KEY // 2:
+        if 2 * self.num_live >= self.num and self.next_base < MAX_KEY // 2:
             return False
         self._compact()
         return True
-
-    @property
-    def next_base(self) -> int:
-        """The first free key."""
-        return self._next_base
 
     def base(self, path: int) -> int:
         """Return the key where a path begins."""
@@ -338,7 +333,7 @@ class Paths:
         """Return a hash of the whole store. The store is most of a world and changes rarely, so the hash is kept."""
         if self._digest is None:
             state = blake2b(digest_size=16)
-            state.update(repr((self._next_base, list(self._spans.items()))).encode())
+            state.update(repr((self.next_base, list(self._spans.items()))).encode())
             state.update(self.segments.tobytes() + self.keys.tobytes())
             self._digest = state.digest()
         return self._digest
@@ -347,7 +342,7 @@ class Paths:
         """Return a copy for `restore`, the same one until the store changes: it is most of a world."""
         if self._snapshot is None:
             self._snapshot = PathsSnapshot(
-                self.segments.copy(), self.keys.copy(), dict(self._spans), self._next_base, dict(self._contents)
+                self.segments.copy(), self.keys.copy(), dict(self._spans), self.next_base, dict(self._contents)
             )
         return self._snapshot
 
@@ -358,7 +353,7 @@ class Paths:
         self._reserve(num)
         self._segments[:num], self._keys[:num] = saved.segments, saved.keys
         self._spans, self._contents = dict(saved.spans), dict(saved.contents)
-        self._next_base = saved.next_base
+        self.next_base = saved.next_base
         self.num_live = sum(count for _, count in self._spans.values())
         self._bind(num)
         self._snapshot = saved

@@ -30,6 +30,7 @@ def teleport(
     speed: float = 0.0,
     roll: float = 0.0,
     pitch: float = 0.0,
+    is_ghost: bool = False,
 ) -> None:
     """Place a row somewhere else. Commands, gear and steering stay. It leaves its path or lane.
 
@@ -46,6 +47,7 @@ def teleport(
         speed: new speed along it [m/s].
         roll: [rad].
         pitch: [rad].
+        is_ghost: see `place_ghost`.
 
     Raises:
         ValueError: a number is not finite or out of bounds. Nothing has moved.
@@ -53,8 +55,8 @@ def teleport(
     check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.tilt(row, roll=roll, pitch=pitch)
-    set_ghost(world, row, is_ghost=False)
-    if not world.roads.is_flat:
+    set_ghost(world, row, is_ghost=is_ghost)
+    if not (is_ghost or world.roads.is_flat):
         settle(world, world.roads, np.array([row]), np.array([z]))
 
 
@@ -89,40 +91,21 @@ def set_speed(world: World, row: int, speed: float) -> None:
     world.touch()  # it may move now, or no longer
 
 
-def place_ghost(
-    world: World,
-    row: int,
-    *,
-    x: float,
-    y: float,
-    z: float,
-    yaw: float,
-    speed: float = 0.0,
-    roll: float = 0.0,
-    pitch: float = 0.0,
-) -> None:
+def place_ghost(world: World, row: int, **pose: float) -> None:
     """Place a row as a ghost: steps leave it there, until a `teleport` or, for a driven row, a `command`.
 
-    Ghosts collide only at their final pose, not along the jump. Other entities see the speed that is given here.
+    Ghosts collide only at their final pose, not along the jump. Other entities see the speed that is given here. They
+    are not put onto the ground.
 
     Args:
         world: written in place.
         row: any row in use.
-        x: reference point, east [m].
-        y: the same, north [m].
-        z: the same, up [m].
-        yaw: heading, wrapped [rad].
-        speed: speed that others see, along the heading [m/s].
-        roll: [rad].
-        pitch: [rad].
+        pose: as for `teleport`; a speed is that which others see.
 
     Raises:
         ValueError: a number is not finite or out of bounds. Nothing has moved.
     """
-    check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
-    world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
-    world.tilt(row, roll=roll, pitch=pitch)
-    set_ghost(world, row, is_ghost=True)
+    teleport(world, row, is_ghost=True, **pose)
 
 
 def place_ghosts(world: World, rows: IntArray, poses: FloatArray) -> None:

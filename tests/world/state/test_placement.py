@@ -19,7 +19,7 @@ def test_teleport_to_a_non_finite_place_is_refused() -> None:
     for figure in ("x", "y", "z", "yaw", "speed", "roll", "pitch"):
         pose = {"x": 1.0, "y": 1.0, "z": 0.0, "yaw": 0.0} | {figure: math.nan}
         with pytest.raises(ValueError, match=f"{figure}: "):
-            teleport(world, 0, **pose)
+            teleport(world, 0, is_ghost=False, **pose)
     assert world.digest() == before
 
 
