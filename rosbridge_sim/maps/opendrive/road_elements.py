@@ -230,11 +230,11 @@ def read_road(element: Element) -> Road:
         DocumentError: element, id and line of what cannot be used.
     """
     length = element.number("length", None, 0.0, MAX_LENGTH)
-    lanes = _needed(element, "lanes")
+    lanes, junction = _needed(element, "lanes"), element.word("junction", "-1")
     road = Road(
         id=element.word("id"),
         length=length,
-        junction=_junction_of(element),
+        junction="" if junction == "-1" else junction,
         is_left_hand=element.choice("rule", ("RHT", "LHT"), "RHT") == "LHT",
         before=_read_end(element, "predecessor"),
         after=_read_end(element, "successor"),
@@ -279,11 +279,6 @@ def read_junction(element: Element) -> Junction:
         is_start = one.choice("contactPoint", ("start", "end"), "start") == "start"
         connections.append(Connection(one.word("incomingRoad"), one.word(other), is_start, tuple(links)))
     return Junction(element.word("id"), tuple(connections), tuple(one.word("id") for one in element.all("controller")))
-
-
-def _junction_of(element: Element) -> str:
-    name = element.word("junction", "-1")
-    return "" if name == "-1" else name
 
 
 def _read_end(element: Element, tag: str) -> RoadEnd | None:

@@ -187,8 +187,7 @@ class LanesOfRoads:
         for row in self.of_road[road.id]:
             piece = self.pieces[row]
             middle = float(piece.aside[np.abs(piece.s - place.s).argmin()])
-            low, high = sorted((float(piece.s[0]), float(piece.s[-1])))
-            if not low - NEAR_CUT <= place.s <= high + NEAR_CUT:
+            if not _is_at(piece, place.s):
                 continue
             if not place.holds_for(piece.lane, middle, is_forward=piece.is_forward):
                 continue
