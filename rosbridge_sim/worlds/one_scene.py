@@ -85,17 +85,7 @@ class OneScene:
         self.scene = Scene(world, library, scenario, ego_gear=Gear.DRIVE)
         self._num_more = num_egos - 1
         self._add_egos()
-        self._traffic = Traffic(self, traffic)
-
-    @property
-    def has_traffic(self) -> bool:
-        """True if vehicles come and go."""
-        return self._traffic.is_active
-
-    @property
-    def is_settled(self) -> bool:
-        """True if no vehicle is due; see `Traffic.is_settled`."""
-        return self._traffic.is_settled
+        self.traffic = Traffic(self, traffic)
 
     def after_frame(self) -> None:
         """Let vehicles come and go; nothing on most frames."""
@@ -126,10 +116,10 @@ class OneScene:
         """Return a copy of all that decides what will happen."""
         scene = self.scene
         return SavedScene(
-            self.world.snapshot(), scene.loaded, scene.found_map, scene.next_uid, self._traffic.save_state()
+            self.world.snapshot(), scene.loaded, scene.found_map, scene.next_uid, self.traffic.save_state()
         )
 
     def load(self, saved: SavedScene) -> None:
         """Become what was saved, in this world or in another one of the same set."""
         self.scene.restore(saved.world, loaded=saved.loaded, found=saved.found, next_uid=saved.next_uid)
-        self._traffic.load_state(saved.traffic, 0.0)
+        self.traffic.load_state(saved.traffic, 0.0)

@@ -344,7 +344,7 @@ class _ManyTraffics:
     """
 
     def __init__(self, scenes: Sequence[OneScene]) -> None:
-        self._scenes = [one for one in scenes if one.has_traffic]
+        self._scenes = [one for one in scenes if one.traffic.is_active]
         self._frames = np.array([one.world.frame for one in self._scenes], dtype=np.int64)
         self._index = {one.world: i for i, one in enumerate(self._scenes)}
         self._must_ask: BoolArray = np.ones(len(self._scenes), dtype=bool)
@@ -366,7 +366,7 @@ class _ManyTraffics:
         for i in is_asked.nonzero()[0].tolist():
             one = self._scenes[i]
             one.after_frame()
-            self._must_ask[i] = not (one.is_settled and self._frames[i] % COUNT_INTERVAL == 0)
+            self._must_ask[i] = not (one.traffic.is_settled and self._frames[i] % COUNT_INTERVAL == 0)
 
 
 _DYNAMICS: Final = {"single-track": Dynamics.SINGLE_TRACK, "kinematic": Dynamics.KINEMATIC}

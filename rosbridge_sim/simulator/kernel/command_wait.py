@@ -95,7 +95,8 @@ class CommandWait:
 
     def _missing(self) -> list[Ego]:
         """Return the egos whose command has not come yet."""
-        egos = [ego for ego in self._egos if ego.is_there and _is_commanded(ego)]
+        # Those that clients may command in real time.
+        egos = [ego for ego in self._egos if ego.is_there and ego.ctrl_mode is CtrlMode.EXTERNAL and not ego.moved_by]
         driven = [ego for ego in egos if ego.commander is not None]
         if not driven:
             driven = [ego for ego in egos if ego is self._egos.first]
@@ -116,11 +117,6 @@ class CommandWait:
     def _begin_time(self, _now: float) -> None:
         """Count anew after a pause or a master."""
         self._since = None
-
-
-def _is_commanded(ego: Ego) -> bool:
-    """Return whether clients may command an ego in real time."""
-    return ego.ctrl_mode is CtrlMode.EXTERNAL and not ego.moved_by
 
 
 def _stamp_of(message: Struct) -> int:

@@ -61,16 +61,16 @@ class CommandTopics(Component):
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
         self._ghosts = Ghosts(context.world, context.scene, context.egos.numbers)
-        context.hooks.on_reset.append(self._ghosts.forget)
+        context.hooks.on_reset.append(self._ghosts.trails.clear)
 
     def save_state(self) -> PlainData:
         """Return what is known of ghosts."""
-        return self._ghosts.save_state()
+        return self._ghosts.trails.save_state()
 
     def load_state(self, data: PlainData, now: float) -> None:
         """See `Component`."""
         del now
-        self._ghosts.load_state(data)
+        self._ghosts.trails.load_state(data)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Subscribe to the topics for all egos and vehicles."""

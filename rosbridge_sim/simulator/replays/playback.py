@@ -23,6 +23,7 @@ class Playback:
         targets: entities that it moves: a sum of EGO, VEHICLES and PEDESTRIANS.
         speed: recorded time for each simulated time.
         is_over: its last moment has been shown.
+        actors: what it moves.
         shown_ns: the position that the world shows [ns].
     """
 
@@ -34,7 +35,7 @@ class Playback:
             egos: those that a recording may move.
         """
         self._egos = egos
-        self._actors = PlaybackActors(world, scene, egos.find)
+        self.actors = PlaybackActors(world, scene, egos.find)
         self.choose(Recording(""))
 
     def choose(self, recording: Recording, targets: int = ALL_TARGETS, *, start_ns: int = 0, speed: int = 1) -> None:
@@ -62,17 +63,17 @@ class Playback:
 
     def enter(self) -> None:
         """Let the recording move its targets; `leave` gives them back."""
-        self._actors.enter(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
+        self.actors.enter(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
         self.show()
 
     def leave(self) -> None:
         """Restore the world as it was before `enter`."""
-        self._actors.leave()
+        self.actors.leave()
         self._egos.forget_statuses()
 
     def retarget(self) -> None:
         """Follow a change of `targets`."""
-        self._actors.retarget(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
+        self.actors.retarget(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
         self.show()
 
     def rewind(self) -> None:
@@ -82,12 +83,12 @@ class Playback:
 
     def show(self) -> None:
         """Show the position at once. It is a jump: nothing collides on the way there."""
-        self._actors.show(self._moment())
+        self.actors.show(self._moment())
         self._egos.forget_statuses()
 
     def show_frame(self) -> None:
         """Show the position with the frame that is being computed, and go on by one frame."""
-        self._actors.show(self._moment())
+        self.actors.show(self._moment())
         self.shown_ns = min(self._position_ns, self.recording.duration_ns)
         self.is_over = self._position_ns >= self.recording.duration_ns
         self._position_ns += STEP_NS * self.speed
@@ -97,14 +98,9 @@ class Playback:
 
     # Snapshots
 
-    @property
-    def is_entered(self) -> bool:
-        """Return whether a recording moves the world."""
-        return self._actors.is_entered
-
     def save_state(self) -> PlainData:
         """Return the position and what is moved, without the recording."""
-        return (*(self.targets, self.speed, self._start_ns, self._position_ns, self.is_over), self._actors.save_state())
+        return (*(self.targets, self.speed, self._start_ns, self._position_ns, self.is_over), self.actors.save_state())
 
     def load_state(self, data: PlainData, recording: Recording) -> None:
         """Become what was saved; the world and the egos have been restored.
@@ -123,8 +119,8 @@ class Playback:
             raise ValueError("replay: expected targets, a speed and positions")
         if not recording.is_empty and start_ns > recording.duration_ns:
             raise ValueError("replay: expected a start within the recording")
-        self._actors.load_state(actors)
-        if not self._actors.indices <= set(recording.egos):
+        self.actors.load_state(actors)
+        if not self.actors.indices <= set(recording.egos):
             raise ValueError("replay: expected egos of the recording")
         self.recording, self.targets, self.speed = recording, targets, speed
         self._start_ns, self._position_ns, self.is_over = start_ns, position_ns, is_over

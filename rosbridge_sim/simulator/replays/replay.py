@@ -153,7 +153,7 @@ class Replay(Component):
         if state is not ReplayState.FOLLOWING and data["message"] is not None:
             raise ValueError("replay: expected no message")
         self._playback.load_state(data["playback"], recording)
-        if self._playback.is_entered != (state is not ReplayState.SIMULATING):
+        if self._playback.actors.is_entered != (state is not ReplayState.SIMULATING):
             raise ValueError("replay: expected entities of the recording")
         if state is ReplayState.FOLLOWING:
             self._network.resume()

@@ -19,7 +19,6 @@ import numpy as np
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.messages.command_parsing import NpcGhosts
 from rosbridge_sim.scenarios.catalogue import Model
-from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.ghost_trails import GhostTrails
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID
@@ -36,7 +35,11 @@ _WHOSE: Final = {
 
 
 class Ghosts:
-    """Places ghosts. Its only own state is the recent positions of each ghost."""
+    """Places ghosts.
+
+    Attributes:
+        trails: the recent positions of each ghost: its only own state.
+    """
 
     def __init__(self, world: World, scene: Scene, ego_numbers: Callable[[], AbstractSet[int]]) -> None:
         """Start without ghosts.
@@ -48,7 +51,7 @@ class Ghosts:
         self._world = world
         self._scene = scene
         self._ego_numbers = ego_numbers
-        self._trails = GhostTrails()
+        self.trails = GhostTrails()
 
     def place(self, ghosts: NpcGhosts) -> None:
         """Place all ghosts of one message, or none of them.
@@ -69,29 +72,13 @@ class Ghosts:
             raise FieldError(f"the world holds {MAX_ENTITIES:,} at most")
         if len(new) < len(uids):
             self._check_vehicles([uid for uid in uids if uid in world])
-        self._trails.keep(world.uid[world.alive])
+        self.trails.keep(world.uid[world.alive])
         self._scene.add_all(new, models)
         rows = self._rows(uids)
         x, y, _, yaw, speed, _, _ = ghosts.poses
         if not ghosts.has_speed:
-            speed[:] = self._trails.move(np.array(uids, dtype=np.int64), world.frame, x, y, yaw)
+            speed[:] = self.trails.move(np.array(uids, dtype=np.int64), world.frame, x, y, yaw)
         placement.place_ghosts(world, rows, ghosts.poses)
-
-    def forget(self) -> None:
-        """Forget all positions, because the world has been reset."""
-        self._trails.clear()
-
-    def save_state(self) -> PlainData:
-        """Return where they have been of late; see `GhostTrails`."""
-        return self._trails.save_state()
-
-    def load_state(self, data: PlainData) -> None:
-        """Become what was saved.
-
-        Raises:
-            ValueError: it is no such data. Nothing has changed.
-        """
-        self._trails.load_state(data)
 
     def _rows(self, uids: list[int]) -> IntArray:
         return np.fromiter(map(self._world.row, uids), dtype=np.int64, count=len(uids))

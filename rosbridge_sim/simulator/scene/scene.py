@@ -86,7 +86,7 @@ class Scene:
         self.catalogue = catalogue
         self._library = library
         self._speed_limits = speed_limits
-        self._next_uid = FIRST_UID
+        self.next_uid = FIRST_UID
         self._map_name = scenario.map_name or DEFAULT_MAP
         self.road_map = _log_notes(find_map(library, self._map_name))
         opening = self.prepare(scenario, WHOLE)
@@ -109,7 +109,7 @@ class Scene:
             self.restore(begin, loaded=self._opening, found=self._begin_map, next_uid=self._begin_uid)
             return
         world.reset(seed)
-        self._next_uid = FIRST_UID
+        self.next_uid = FIRST_UID
         self.carry_out(self._opening)
         self._note_begin()
 
@@ -123,17 +123,12 @@ class Scene:
         self.world.restore(world)
         self.loaded = loaded
         self.road_map, self._map_name = found.road_map, found.name
-        self._next_uid = next_uid
+        self.next_uid = next_uid
         self.is_replaying = False
 
     def _note_begin(self) -> None:
         """Keep the scene as the one that a reset leads to."""
-        self._begin, self._begin_map, self._begin_uid = self.world.snapshot(), self.found_map, self._next_uid
-
-    @property
-    def next_uid(self) -> int:
-        """The next id that is given to an object."""
-        return self._next_uid
+        self._begin, self._begin_map, self._begin_uid = self.world.snapshot(), self.found_map, self.next_uid
 
     @property
     def found_map(self) -> FoundMap:
@@ -208,11 +203,11 @@ class Scene:
         try:
             is_same = not load.is_clearing and load.road_map is self.road_map  # a story keeps its controllers of lights
             plan = world.signals.plan if is_same else load.plan
-            next_uid = populate(world, load, plan, self._next_uid, self._speed_limits)
+            next_uid = populate(world, load, plan, self.next_uid, self._speed_limits)
         except ValueError as error:
             world.restore(before)
             raise DocumentError(f"{load.name}: {error}") from error
-        self._next_uid = next_uid
+        self.next_uid = next_uid
         if load.is_clearing:
             self.loaded = load
         elif self.loaded.spawn_points and not self.loaded.is_on(load.road_map):
@@ -237,10 +232,10 @@ class Scene:
         if len(self.world) >= MAX_ENTITIES:
             raise FieldError(f"{model.name}: the world holds {MAX_ENTITIES:,} at most")
         try:
-            uid = self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=self._next_uid)
+            uid = self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=self.next_uid)
         except ValueError as error:
             raise FieldError(f"{model.name}: {error}") from None
-        self._next_uid += 1
+        self.next_uid += 1
         return uid
 
     def add_all(self, uids: Sequence[int], models: Sequence[Model]) -> None:
@@ -254,7 +249,7 @@ class Scene:
             ValueError: an id is out of range. The world is unchanged.
         """
         self._spawn_all(models, uids, None)
-        self._next_uid = max(self._next_uid, max(uids, default=-1) + 1)
+        self.next_uid = max(self.next_uid, max(uids, default=-1) + 1)
 
     def add_vehicles(self, models: Sequence[Model], speed: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Add vehicles to the world at the origin; return their rows, (m,) int64.
@@ -265,9 +260,9 @@ class Scene:
         Raises:
             ValueError: no ids are left, or a speed is out of range. The world is unchanged.
         """
-        uids = range(self._next_uid, self._next_uid + len(models))
+        uids = range(self.next_uid, self.next_uid + len(models))
         rows = self._spawn_all(models, uids, speed)
-        self._next_uid += len(models)
+        self.next_uid += len(models)
         return rows
 
     def _spawn_all(
@@ -291,20 +286,20 @@ class Scene:
             ValueError: the position is out of range. The world is unchanged.
         """
         if uid in self.world or not FIRST_UID <= uid <= MAX_FILE_UID:
-            uid = self._next_uid
+            uid = self.next_uid
         self.world.spawn(kind, body, name=name, x=x, y=y, uid=uid)
-        self._next_uid = max(self._next_uid, uid + 1)
+        self.next_uid = max(self.next_uid, uid + 1)
         return uid
 
     @contextmanager
     def all_or_none(self) -> Iterator[None]:
         """Return a context whose changes of the world are undone if it ends by an exception."""
-        before, next_uid = self.world.snapshot(), self._next_uid
+        before, next_uid = self.world.snapshot(), self.next_uid
         try:
             yield
         except BaseException:
             self.world.restore(before)
-            self._next_uid = next_uid
+            self.next_uid = next_uid
             raise
 
     def add_agent(self, spawn: Spawn) -> int:
@@ -316,9 +311,9 @@ class Scene:
         Raises:
             ValueError: the world refuses it. It may be there by half: see `all_or_none`.
         """
-        uid = self._next_uid
+        uid = self.next_uid
         _spawn(self.world, spawn, uid, spawn.gear)
-        self._next_uid += 1
+        self.next_uid += 1
         return uid
 
     def choose_ego_index(self, taken: Collection[int]) -> int:
@@ -329,8 +324,8 @@ class Scene:
 
     def keep_free(self, number: int) -> None:
         """Have no later object get this number, which an ego has; `number` is up to `MAX_FILE_UID`."""
-        if number >= self._next_uid:
-            self._next_uid = number + 1
+        if number >= self.next_uid:
+            self.next_uid = number + 1
 
     def add_ego(self, like: int, pose: GhostPose, gear: Gear, model: Model | None = None) -> int:
         """Add a further ego to the world.
@@ -348,9 +343,9 @@ class Scene:
         if model is not None:
             body, name = _limit_speed_mode(model.body, self._speed_limits), model.name
         uid = world.spawn(
-            Kind.EGO, body, name=name, x=pose.x, y=pose.y, z=pose.z, yaw=pose.yaw, uid=self._next_uid, gear=gear
+            Kind.EGO, body, name=name, x=pose.x, y=pose.y, z=pose.z, yaw=pose.yaw, uid=self.next_uid, gear=gear
         )
-        self._next_uid += 1
+        self.next_uid += 1
         return uid
 
     def remove(self, uid: int) -> None:

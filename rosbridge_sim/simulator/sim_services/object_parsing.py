@@ -140,11 +140,6 @@ class Change(Record, eq=False):
     ctrl_mode: CtrlMode | None
     lamps: tuple[int, int] | None
 
-    @property
-    def is_for_egos(self) -> bool:
-        """True if it changes something that only egos have."""
-        return self.gear is not None or self.ctrl_mode is not None or self.lamps is not None
-
 
 def check_size(objects: Sequence[Struct]) -> None:
     """Check that a request is done in a few milliseconds.
@@ -185,7 +180,7 @@ def read_new_object(message: Struct, where: str, roads: Roads, catalogue: Catalo
     speed = _speed(message.speed, f"{where}.speed")
     motion = _read_motion(message, where, roads, kind, speed)
     spot = _read_spot(message.place, f"{where}.place", roads)
-    start_within = _within(message.start_within, 0.0, MAX_COORDINATE, f"{where}.start_within", "m")
+    start_within = within(message.start_within, 0.0, MAX_COORDINATE, f"{where}.start_within", "m")
     is_plain = motion.behaviour in {Behaviour.STRAIGHT, Behaviour.PATH} and kind is not Kind.EGO
     if start_within > 0.0 and not is_plain:
         raise FieldError(f"{where}.start_within: expected 0 m but for straight and path, got {start_within:g}")
@@ -212,7 +207,7 @@ def read_change(message: Struct, where: str, roads: Roads, kind: Kind) -> Change
         ctrl_mode=_read_ctrl_mode(message.ctrl_mode, where) if message.set_ctrl_mode else None,
         lamps=_read_lamps(message, where) if message.set_lamps else None,
     )
-    if change.is_for_egos and kind is not Kind.EGO:
+    if kind is not Kind.EGO and (change.gear, change.ctrl_mode, change.lamps) != (None, None, None):
         raise FieldError(f"{where}: only an ego has gear, ctrl_mode and lamps; {change.unique_id} is none")
     if kind is Kind.EGO and change.motion is not None:
         if change.motion.behaviour is not Behaviour.LANE:
@@ -308,17 +303,17 @@ def _read_model(message: Struct, where: str, catalogue: Catalogue) -> Model | No
 
 
 def _read_spot(place: Struct, where: str, roads: Roads) -> Spot:
-    heading = _within(place.heading_deg, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading_deg", "deg")
+    heading = within(place.heading_deg, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.heading_deg", "deg")
     heading = math.radians(math.remainder(heading, 360.0))
     if not place.link:
         x, y, z = (
-            _within(getattr(place, axis), -MAX_COORDINATE, MAX_COORDINATE, f"{where}.{axis}", "m") for axis in "xyz"
+            within(getattr(place, axis), -MAX_COORDINATE, MAX_COORDINATE, f"{where}.{axis}", "m") for axis in "xyz"
         )
         return Spot(x, y, z, heading)
     lane = find_link(roads, place.link, f"{where}.link")
     length = float(roads.length[lane])
-    s = _within(place.distance, 0.0, length, f"{where}.distance", f"m, the length of {place.link[:80]!r}")
-    lateral = _within(place.lateral, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.lateral", "m")
+    s = within(place.distance, 0.0, length, f"{where}.distance", f"m, the length of {place.link[:80]!r}")
+    lateral = within(place.lateral, -MAX_COORDINATE, MAX_COORDINATE, f"{where}.lateral", "m")
     points, yaws = roads.at(lane, s)
     (x, y, z), yaw = points[0].tolist(), float(yaws[0])
     return Spot(
@@ -345,7 +340,7 @@ def _read_motion(message: Struct, where: str, roads: Roads, kind: Kind, speed: f
         raise FieldError(f"{where}.speed: expected 0 m/s with behaviour stand, got {speed:g}")
     if speed is not None and speed < 0.0 and behaviour is not Behaviour.STRAIGHT:
         raise FieldError(f"{where}.speed: expected 0 m/s or more with behaviour {behaviour.value}, got {speed:g}")
-    desired_speed = _within(message.desired_speed, 0.0, MAX_SPEED, f"{where}.desired_speed", "m/s") or math.inf
+    desired_speed = within(message.desired_speed, 0.0, MAX_SPEED, f"{where}.desired_speed", "m/s") or math.inf
     route = _read_route(message, where, roads)
     return ObjectMotion(
         behaviour, desired_speed, route, _read_path(message, where) if is_path else None, bool(message.loop)
@@ -417,10 +412,10 @@ def _read_lamps(message: Struct, where: str) -> tuple[int, int]:
 
 
 def _speed(value: float, where: str) -> float:
-    return _within(value, -MAX_SPEED, MAX_SPEED, where, "m/s")
+    return within(value, -MAX_SPEED, MAX_SPEED, where, "m/s")
 
 
-def _within(value: float, low: float, high: float, where: str, unit: str) -> float:
+def within(value: float, low: float, high: float, where: str, unit: str) -> float:
     """Return a number that lies within bounds.
 
     Raises:

@@ -19,7 +19,7 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
 from rosbridge_sim.simulator.sim_services.late_answers import LateAnswers, failing
-from rosbridge_sim.simulator.sim_services.object_parsing import find_link
+from rosbridge_sim.simulator.sim_services.object_parsing import find_link, within
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.road_places import find_lane, is_on_road
 from rosbridge_sim.world.roads.roads import Roads
@@ -143,11 +143,8 @@ def _read_place(place: Struct, where: str, roads: Roads) -> tuple[int, float]:
     """
     if place.link:
         lane = find_link(roads, place.link, f"{where}.link")
-        length = float(roads.length[lane])
-        if not 0.0 <= place.distance <= length:
-            expected = f"0..{length:g} m, the length of {place.link[:80]!r}"
-            raise FieldError(f"{where}.distance: expected {expected}, got {place.distance:g}")
-        return lane, place.distance
+        unit = f"m, the length of {place.link[:80]!r}"
+        return lane, within(place.distance, 0.0, float(roads.length[lane]), f"{where}.distance", unit)
     x, y, yaw = _read_point(place, f"{where}.")
     near = find_lane(roads, x, y, yaw)
     if near is None or near.distance > MAX_FROM_LANE:

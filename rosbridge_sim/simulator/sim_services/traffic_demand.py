@@ -13,6 +13,8 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 from hashlib import blake2b
 from typing import Final, Protocol
 
@@ -30,7 +32,6 @@ from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at, stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER
-from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.routing import KnownRoutes
 from rosbridge_sim.world.state.world import DT, Kind, World
 
@@ -287,16 +288,9 @@ class Traffic(Component):
         if not has_place or not has_room(world, point.lane, point.s, model.body, speed, gap=point.gap, time=point.time):
             self._due[number] = world.frame + RETRY
             return
-        uid = self._add(
-            model,
-            speed,
-            lane=point.lane,
-            s=point.s,
-            desired=desired,
-            route=self._route(number, point),
-            changes_lanes=point.changes_lanes,
-            lateral=_between(*point.lateral, self._bell(number)),
-        )
+        route, lateral = self._route(number, point), _between(*point.lateral, self._bell(number))
+        start = partial(LaneStart, changes_lanes=point.changes_lanes, lateral=lateral)
+        uid = self._add(model, speed, lambda row: start(row, point.lane, point.s, desired, route))
         if uid is None:
             self._due[number] = world.frame + RETRY
             return
@@ -324,7 +318,8 @@ class Traffic(Component):
         rows = stand_at_ends(world).nonzero()[0]
         if not points and not len(rows):
             return
-        rows = rows[world.arc[rows] + world.half_length[rows] + world.centre[rows] > self._length(rows) - AT_END]
+        length = world.roads.length[world.lane[rows]]
+        rows = rows[world.arc[rows] + world.half_length[rows] + world.centre[rows] > length - AT_END]
         gone = [uid for uid in world.uid[rows].tolist() if uid in self._owner]
         for uid, number in self._owner.items() if points else ():
             if number < 0 or points[number].goal_lane < 0 or uid not in world:
@@ -339,31 +334,14 @@ class Traffic(Component):
             self._context.scene.remove(uid)
             del self._owner[uid]
 
-    def _length(self, rows: IntArray) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-        world = self._context.world
-        return np.asarray(world.roads.length[world.lane[rows]])
-
-    def _add(
-        self,
-        model: Model,
-        speed: float,
-        *,
-        lane: int,
-        s: float,
-        desired: float,
-        route: tuple[int, ...],
-        changes_lanes: bool = True,
-        lateral: float = 0.0,
-        wander: float = 0.0,
-    ) -> int | None:
-        """Add a vehicle to a lane; return its id, or None if the world is full."""
+    def _add(self, model: Model, speed: float, start: Callable[[int], LaneStart]) -> int | None:
+        """Add a vehicle to a lane, by its row; return its id, or None if the world is full."""
         scene, world = self._context.scene, self._context.world
         if len(world) >= MAX_ENTITIES:
             return None
-        uid = scene.add_agent(_spawn(model, speed))
-        row, changes = world.row(uid), changes_lanes
-        start = LaneStart(row, lane, s, desired, route, changes_lanes=changes, lateral=lateral, wander=wander)
-        keep_lanes(world, [start])
+        # It is put onto its lane afterwards.
+        uid = scene.add_agent(Spawn(Kind.VEHICLE, model, model.name, None, 0.0, 0.0, 0.0, 0.0, speed))
+        keep_lanes(world, [start(world.row(uid))])
         return uid
 
     # --traffic
@@ -419,7 +397,8 @@ class Traffic(Component):
             if (slots.is_entry[slot] or self._is_out_of_sight(slots, slot)) and has_room(
                 world, lane, s, model.body, speed, gap=ARRIVAL_GAP, time=ARRIVAL_TIME
             ):
-                uid = self._add(model, speed, lane=lane, s=s, desired=math.inf, route=(), wander=self._wander)
+                place = partial(LaneStart, lane=lane, s=s, wander=self._wander)
+                uid = self._add(model, speed, place)
                 if uid is not None:
                     self._owner[uid] = _FILL
                     self._fill_made += 1
@@ -447,11 +426,6 @@ def _read_mix(context: TrafficHost) -> list[tuple[Model, float]]:
             total += share
             found.append((model, total))
     return found
-
-
-def _spawn(model: Model, speed: float) -> Spawn:
-    """Return a vehicle that is put onto its lane afterwards."""
-    return Spawn(Kind.VEHICLE, model, model.name, None, 0.0, 0.0, 0.0, 0.0, speed)
 
 
 def _between(low: float, high: float, share: float) -> float:

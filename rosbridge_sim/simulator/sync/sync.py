@@ -117,7 +117,7 @@ class Sync(WaitingCommands[C]):
         self._holders: dict[object, None] = {}
         self._heard_at = 0.0
         self._ticks: deque[int] = deque()  # how many frames each tick that waits has left
-        self._is_in_tick = False  # some frames of the first of them have been computed
+        self.is_in_tick = False  # some frames of the first of them have been computed
         self._num_moved = 0  # frames that the last MOVE has computed
         # Frames of these ticks: still owed, and computed or given up since a tick last waited for none.
         self._num_owed = self._num_settled = 0
@@ -170,11 +170,6 @@ class Sync(WaitingCommands[C]):
     def holders(self) -> list[object]:
         """The peers that use the master's id, in the order in which they first did."""
         return list(self._holders)
-
-    @property
-    def is_in_tick(self) -> bool:
-        """True if the first tick that waits has begun: some of its frames have been computed."""
-        return self._is_in_tick
 
     @property
     def lease_due(self) -> float | None:
@@ -294,7 +289,7 @@ class Sync(WaitingCommands[C]):
         Args:
             num_ticks: how many; there must be as many.
         """
-        self._is_in_tick = False
+        self.is_in_tick = False
         self._give_up_frames(sum(self._ticks.popleft() for _ in range(num_ticks)))
         if not self._ticks:
             self._follow(SyncHappening(SyncEvent.LAST_DONE, now))
@@ -318,7 +313,7 @@ class Sync(WaitingCommands[C]):
         ticks = self._ticks
         if not ticks or (self._unready and self._is_early(frame + ticks[0])):
             return 0
-        if prepare is not None and not self._is_in_tick:
+        if prepare is not None and not self.is_in_tick:
             prepare()
         # A command may bring a pause, which ends with the tick; so ticks are taken one by one while any waits.
         num_frames = ticks[0] if most_ticks == 1 or self.queue else sum(islice(ticks, most_ticks))
@@ -340,10 +335,10 @@ class Sync(WaitingCommands[C]):
         ticks = self._ticks
         while num_frames and ticks[0] <= num_frames:
             num_frames -= ticks.popleft()
-            self._is_in_tick = False
+            self.is_in_tick = False
         if num_frames:
             ticks[0] -= num_frames
-            self._is_in_tick = True
+            self.is_in_tick = True
 
     def submit(
         self, command: C, named: int, frame: int, holder: object, now: float, *, is_ready: bool = True
@@ -490,7 +485,7 @@ class Sync(WaitingCommands[C]):
 
     def _refuse(self, happening: SyncHappening[C]) -> None:
         self._ticks.clear()
-        self._is_in_tick = False
+        self.is_in_tick = False
         self._give_up_frames(self._num_owed)
         self.hooks.refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
 
