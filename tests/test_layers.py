@@ -107,7 +107,7 @@ simulator.story: * graph morai.messages scenarios simulator.bus simulator.kernel
     simulator.scene world.contacts world.drivers world.geometry world.lane_changes world.state
 simulator.snapshots: * graph maps protocol scenarios schema simulator.bus simulator.egos simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.state
-simulator: * graph morai morai.messages scenarios scenery scenery.moving schema simulator.bus simulator.egos
+simulator: * graph morai morai.messages scenarios scenery scenery.moving simulator.bus simulator.egos
     simulator.kernel simulator.markers simulator.morai_services simulator.plain simulator.replays simulator.scene
     simulator.sensor_data simulator.sensor_rigs simulator.sensor_services simulator.sensors simulator.sim_services
     simulator.snapshots simulator.story simulator.sync world world.state world.vehicle

@@ -23,6 +23,7 @@ from rosbridge_sim.maps.opendrive.road_elements import (
     ROADWAY,
     LaneSection,
     Road,
+    RoadMark,
     error_of,
 )
 from rosbridge_sim.maps.road_map import Border
@@ -338,6 +339,11 @@ NO_LINE: Final = frozenset({"none", "edge", "grass"})
 """Types of marks that are not painted."""
 
 
+def mark_shapes(mark: RoadMark) -> tuple[str, ...]:
+    """Return the shapes of a mark's lines, from left to right along the road on its right side, or inner to outer."""
+    return tuple(_WORDS.get(word, "Solid") for word in mark.type.split()[:2])
+
+
 def paint_marks(road: Road, number: int, layout: SectionLayout) -> Iterator[Border]:
     """Yield the painted lines and kerbs of a section, along the road."""
     section = road.sections[number]
@@ -357,8 +363,7 @@ def paint_marks(road: Road, number: int, layout: SectionLayout) -> Iterator[Bord
             kind = KERB if mark.type == "curb" else CENTRE_LINE if name == 0 else LANE_LINE
             if kind == LANE_LINE and abs(name) >= outermost[name > 0]:
                 kind = EDGE_LINE
-            # From left to right along the road on its right side, or from the inner one to the outer one.
-            shapes = tuple(_WORDS.get(word, "Solid") for word in mark.type.split()[:2])
+            shapes = mark_shapes(mark)
             yield Border(
                 f"{road.id}.{number}.{name}" + (f".{row}" if row else ""),
                 _between(layout.s, layout.edge_lines[layout.row[name]], low, high),

@@ -338,4 +338,4 @@ def test_too_many_vehicles_are_refused_before_they_are_read() -> None:
 def test_saved_ghosts_of_another_form_are_refused_in_plain_words(state: object) -> None:
     ghosts = Ghosts(World(0), cast("Scene", None), set)
     with pytest.raises(ValueError, match="ghosts: expected ids, counts, frames and places"):
-        ghosts.load_state(cast("PlainData", state))
+        ghosts.trails.load_state(cast("PlainData", state))

@@ -158,12 +158,12 @@ def test_store_without_free_keys_refuses_and_recovers() -> None:
     paths = Paths()
     far = lay_segments(line(MAX_PATH_LENGTH), is_loop=False, reach=REACH)
     paths.add(0, far)
-    paths._next_base = MAX_KEY - 1000
+    paths.next_base = MAX_KEY - 1000
     before = paths.num
     with pytest.raises(ValueError, match="longer together"):
         paths.add(1, far)
     assert paths.num == before
-    paths._next_base = 3 * (MAX_KEY // 4)
+    paths.next_base = 3 * (MAX_KEY // 4)
     paths.add(2, lay_segments(line(1.0), is_loop=False, reach=REACH))
     assert paths.remove(2)  # the keys ran high: it moved together though it was not half empty
     paths.add(1, far)
@@ -187,7 +187,7 @@ def test_different_stores_have_different_digests() -> None:
 
     def digest(*lengths: float, base: int = 0, first: int = 0, aside: float = 0.0) -> bytes:
         paths = Paths()
-        paths._next_base = base
+        paths.next_base = base
         for i, length in enumerate(lengths, start=first):
             points = line(length, 7)
             points[:, 1] = aside
