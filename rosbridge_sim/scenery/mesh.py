@@ -120,20 +120,21 @@ class Mesh:
     @classmethod
     def of(
         cls,
-        vertices: NDArray[np.float32],
-        triangles: NDArray[np.int32],
-        colour: Colour,
+        vertices: NDArray[np.float32] | NDArray[np.float64],
+        triangles: NDArray[np.int32] | NDArray[np.int64],
+        colour: Colour | NDArray[np.uint8],
         label: Label,
         *,
         origin: NDArray[np.float64] | None = None,
         instance: int = NO_INSTANCE,
         lit: Lit = Lit.NEVER,
     ) -> Mesh:
-        """Return triangles of one colour and one class.
+        """Return triangles of one class.
 
         Args:
             vertices: (n, 3) from the origin [m].
             triangles: (m, 3) rows of them.
+            colour: of all, or (m, 3) uint8.
             origin: (3,) in the map frame [m]; None for (0, 0, 0).
         """
         num = len(triangles)
@@ -141,7 +142,7 @@ class Mesh:
             np.zeros(3) if origin is None else origin,
             np.asarray(vertices, dtype=np.float32).reshape(-1, 3),
             np.asarray(triangles, dtype=np.int32).reshape(-1, 3),
-            np.tile(np.array(colour, dtype=np.uint8), (num, 1)),
+            np.zeros((num, 3), dtype=np.uint8) + np.asarray(colour, dtype=np.uint8),
             np.full(num, label, dtype=np.uint8),
             np.full(num, instance, dtype=np.int32),
             np.full(num, lit, dtype=np.uint8),
@@ -165,7 +166,7 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     if not meshes:
         raise ValueError("meshes: expected at least one")
     origin = meshes[0].origin
-    if any(not np.array_equal(each.origin, origin) for each in meshes):
+    if any(each.origin is not origin and not np.array_equal(each.origin, origin) for each in meshes):
         raise ValueError("meshes: expected the same origin for all")
     first = np.cumsum([0, *(len(each.vertices) for each in meshes[:-1])])
     return Mesh(

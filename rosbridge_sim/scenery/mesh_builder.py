@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.scenery.mesh import Colour, Label, Lit, Mesh
+from rosbridge_sim.scenery.mesh import Colour, Label, Lit, Mesh, join_meshes
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 
@@ -18,12 +18,7 @@ class MeshBuilder:
 
     def __init__(self, origin: FloatArray) -> None:
         self._origin = origin
-        self._num = 0
-        self._vertices: list[NDArray[np.float32]] = []
-        self._triangles: list[NDArray[np.int32]] = []
-        self._colours: list[NDArray[np.uint8]] = []
-        self._labels: list[NDArray[np.uint8]] = []
-        self._lit: list[NDArray[np.uint8]] = []
+        self._parts = [Mesh.empty(origin)]
 
     def add(
         self,
@@ -40,14 +35,9 @@ class MeshBuilder:
             triangles: (m, 3) rows of them.
             colour: of all, or (m, 3) uint8.
         """
-        if not len(triangles):
-            return
-        self._vertices.append((np.asarray(vertices, dtype=np.float64) - self._origin).astype(np.float32))
-        self._triangles.append(np.asarray(triangles, dtype=np.int32) + np.int32(self._num))
-        self._colours.append(np.broadcast_to(np.asarray(colour, dtype=np.uint8), (len(triangles), 3)))
-        self._labels.append(np.full(len(triangles), label, dtype=np.uint8))
-        self._lit.append(np.full(len(triangles), lit, dtype=np.uint8))
-        self._num += len(vertices)
+        if len(triangles):
+            at = self._origin
+            self._parts.append(Mesh.of(vertices - at, triangles, colour, label, origin=at, lit=lit))
 
     def add_quads(self, corners: FloatArray, colour: Colour | NDArray[np.uint8], label: Label) -> None:
         """Add quadrilaterals.
@@ -83,15 +73,4 @@ class MeshBuilder:
 
     def finish(self) -> Mesh:
         """Return the mesh of all that was added."""
-        if not self._triangles:
-            return Mesh.empty(self._origin)
-        num = sum(map(len, self._triangles))
-        return Mesh(
-            self._origin,
-            np.concatenate(self._vertices),
-            np.concatenate(self._triangles),
-            np.concatenate(self._colours),
-            np.concatenate(self._labels),
-            np.zeros(num, dtype=np.int32),
-            np.concatenate(self._lit),
-        )
+        return join_meshes(self._parts)

@@ -16,7 +16,7 @@ from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
 from rosbridge_sim.scenery.moving.looks import lit_table, tint_table
 from rosbridge_sim.scenery.moving.other_shapes import AXLES, obstacle_template, two_wheeler_template
 from rosbridge_sim.scenery.moving.people_shapes import pose_figure, walking_angles
-from rosbridge_sim.scenery.moving.template import Template
+from rosbridge_sim.scenery.moving.template import Template, join_templates
 from rosbridge_sim.scenery.moving.vehicle_shapes import TRACK, WHEELS, vehicle_template, wheel_template
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
@@ -100,8 +100,9 @@ def stretch(frame: SceneFrame, rows: IntArray, shape: Shape, *, is_coarse: bool)
         body = vehicle_template(shape, is_coarse=is_coarse)
         local = body.vertices * sizes[:, None, :]
         local[:, :, 0] += frame.centres[rows, None]
-        wheels, wheel = _wheels(frame, rows, shape, wheel_template(is_coarse=is_coarse))
-        return np.concatenate([local, wheels], axis=1), _append(body, wheel)
+        wheel = wheel_template(is_coarse=is_coarse)
+        wheels = _wheels(frame, rows, shape, wheel.vertices)
+        return np.concatenate([local, *wheels], axis=1), join_templates(body, *[wheel] * len(wheels))
     if shape in {Shape.MOTORCYCLE, Shape.BICYCLE}:
         template = two_wheeler_template(shape)
         stretch = np.column_stack([frame.wheelbases[rows] / AXLES[shape], np.ones((len(rows), 2))])
@@ -141,13 +142,13 @@ _AXLE_SIDES: Final = np.array([(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)])
 """Axle (0 rear, 1 front) and side of each wheel."""
 
 
-def _wheels(frame: SceneFrame, rows: IntArray, shape: Shape, wheel: Template) -> tuple[FloatArray, Template]:
-    """Return the four wheels of vehicles, (k, n, 3), and their triangles."""
+def _wheels(frame: SceneFrame, rows: IntArray, shape: Shape, wheel: FloatArray) -> list[FloatArray]:
+    """Return the vertices of the four wheels of vehicles, (k, n, 3) each."""
     radius_share, thick_share = WHEELS[shape]
     sizes = frame.sizes[rows]
     radius, thick = radius_share * sizes[:, 2], thick_share * sizes[:, 1]
-    round_wheel = wheel.vertices * np.stack([radius, thick, radius], axis=1)[:, None, :]
-    parts, whole = [], None
+    round_wheel = wheel * np.stack([radius, thick, radius], axis=1)[:, None, :]
+    parts = []
     for axle, side in _AXLE_SIDES.tolist():
         turned = round_wheel * (1.0, side, 1.0)
         if axle:
@@ -157,12 +158,4 @@ def _wheels(frame: SceneFrame, rows: IntArray, shape: Shape, wheel: Template) ->
         aside = side * (0.5 * TRACK * sizes[:, 1])
         at = np.column_stack([axle * frame.wheelbases[rows], aside, radius])
         parts.append(turned + at[:, None, :])
-        whole = wheel if whole is None else _append(whole, wheel)
-    assert whole is not None, "there are four wheels"
-    return np.concatenate(parts, axis=1), whole
-
-
-def _append(one: Template, two: Template) -> Template:
-    """Return the triangles of two templates in one."""
-    triangles: NDArray[np.int32] = np.concatenate([one.triangles, two.triangles + np.int32(len(one.vertices))])
-    return Template(np.concatenate([one.vertices, two.vertices]), triangles, np.concatenate([one.tints, two.tints]))
+    return parts

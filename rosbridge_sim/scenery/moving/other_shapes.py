@@ -7,12 +7,11 @@ from functools import cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.moving.people_shapes import pose_figure
 from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.scenery.scene_frame import Shape
-from rosbridge_sim.scenery.solids import box
+from rosbridge_sim.scenery.solids import box, fan, sides
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 RIDER_HEIGHT: Final = 1.72
@@ -76,33 +75,20 @@ def two_wheeler_template(shape: Shape) -> Template:
 
 def _wheel(builder: TemplateBuilder, x: float, radius: float, width: float, *, is_spoked: bool) -> None:
     """Add an upright wheel: a ring, and a disc inside unless it has spokes."""
-    sides = 14
-    angle = 2.0 * math.pi * np.arange(sides) / sides
-    circle = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
+    num = 14
+    angle = 2.0 * math.pi * np.arange(num) / num
+    circle = np.column_stack([np.cos(angle), np.zeros(num), np.sin(angle)])
     half = 0.5 * width
     outline = ((radius, -half), (radius, half), (0.86 * radius, half), (0.86 * radius, -half))
     rings = [circle * r + (x, y, radius) for r, y in outline]
-    vertices = np.concatenate(rings)
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    faces = []
-    for k in range(4):
-        a, b = sides * k, sides * ((k + 1) % 4)
-        faces += [np.column_stack([a + i, b + j, a + j]), np.column_stack([a + i, b + i, b + j])]
-    builder.add((vertices, np.concatenate(faces).astype(np.int32)), Tint.TYRE)
+    builder.add((np.concatenate(rings), sides(num, 5)[:, ::-1] % (4 * num)), Tint.TYRE)
     if is_spoked:
-        for k in range(0, sides, 2):
+        for k in range(0, num, 2):
             rim = x + 0.9 * radius * math.cos(angle[k]), radius + 0.9 * radius * math.sin(angle[k])
             _tube(builder, (x, radius), rim, 0.004)
     else:
-        builder.add((circle * 0.7 * radius + (x, 0.3 * width, radius), _fan(sides)), Tint.RIM)
-        builder.add((circle * 0.7 * radius + (x, -0.3 * width, radius), _fan(sides)[:, ::-1]), Tint.RIM)
-
-
-def _fan(sides: int) -> NDArray[np.int32]:
-    """Return the triangles of a disc, which looks to the left."""
-    i = np.arange(1, sides - 1)
-    return np.column_stack([np.zeros_like(i), i + 1, i]).astype(np.int32)
+        builder.add((circle * 0.7 * radius + (x, 0.3 * width, radius), fan(num)[:, ::-1]), Tint.RIM)
+        builder.add((circle * 0.7 * radius + (x, -0.3 * width, radius), fan(num)), Tint.RIM)
 
 
 def _tube(builder: TemplateBuilder, a: tuple[float, float], b: tuple[float, float], half: float) -> None:

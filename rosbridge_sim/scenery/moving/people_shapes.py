@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.records import Record
-from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
-from rosbridge_sim.scenery.solids import Solid, column, prism
+from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint, join_templates
+from rosbridge_sim.scenery.solids import Solid, column, fan, prism, sides
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 HIP, KNEE, SHOULDER, ELBOW = 0.50, 0.275, 0.815, 0.63
@@ -104,22 +104,14 @@ def trunk_template() -> Template:
     return builder.finish()
 
 
-def _loft(rings: list[tuple[float, float, float]], sides: int = 7) -> Solid:
+def _loft(rings: list[tuple[float, float, float]], num: int = 7) -> Solid:
     """Return a solid through ellipses: height, half depth and half width of each."""
-    angle = 2.0 * np.pi * (np.arange(sides) + 0.5) / sides
+    angle = 2.0 * np.pi * (np.arange(num) + 0.5) / num
     vertices = np.concatenate(
-        [np.column_stack([deep * np.cos(angle), wide * np.sin(angle), np.full(sides, z)]) for z, deep, wide in rings]
+        [np.column_stack([deep * np.cos(angle), wide * np.sin(angle), np.full(num, z)]) for z, deep, wide in rings]
     )
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    faces = []
-    for ring in range(len(rings) - 1):
-        a, b = sides * ring, sides * (ring + 1)
-        faces += [np.column_stack([a + i, a + j, b + j]), np.column_stack([a + i, b + j, b + i])]
-    top = sides * (len(rings) - 1)
-    faces.append(np.column_stack([np.full(sides - 2, top), top + i[1:-1], top + i[2:]]))
-    faces.append(np.column_stack([np.zeros(sides - 2, dtype=int), i[2:], i[1:-1]]))
-    return vertices, np.concatenate(faces).astype(np.int32)
+    top, floor = num * (len(rings) - 1) + fan(num), fan(num)[:, ::-1]
+    return vertices, np.concatenate([sides(num, len(rings)), top, floor])
 
 
 def walking_angles(strides: FloatArray, heights: FloatArray, speeds: FloatArray) -> FloatArray:
@@ -151,7 +143,6 @@ def pose_figure(angles: FloatArray) -> tuple[FloatArray, Template]:
     Returns:
         (n, v, 3) vertices, and triangles and tints of all of them.
     """
-    builder = TemplateBuilder()
     trunk, limbs = trunk_template(), figure_limbs()
     num = len(angles)
     parts = [np.broadcast_to(trunk.vertices, (num, *trunk.vertices.shape))]
@@ -165,12 +156,7 @@ def pose_figure(angles: FloatArray) -> tuple[FloatArray, Template]:
             angle = angle + turn
         ends.append((joint, angle))
         parts.append(joint[:, None] + _swing(limb.template.vertices, angle))
-    templates = [trunk, *(limb.template for limb in limbs)]
-    for each in templates:
-        builder.add((each.vertices, each.triangles), Tint.PAINT)
-    whole = builder.finish()
-    tints = np.concatenate([each.tints for each in templates])
-    return np.concatenate(parts, axis=1), Template(whole.vertices, whole.triangles, tints)
+    return np.concatenate(parts, axis=1), join_templates(trunk, *(limb.template for limb in limbs))
 
 
 def _swing(vertices: FloatArray, angle: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.records import Record
-from rosbridge_sim.scenery.solids import Solid, box, column
+from rosbridge_sim.scenery.solids import Solid, box, column, fan, join
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 
@@ -56,6 +56,12 @@ Profile = Sequence[tuple[float, float, float, Tint]]
 next point."""
 
 
+def join_templates(*templates: Template) -> Template:
+    """Return several templates as one."""
+    solids = [(each.vertices, each.triangles) for each in templates]
+    return Template(*join(*solids), np.concatenate([each.tints for each in templates]))
+
+
 class TemplateBuilder:
     """Collects the triangles of a template.
 
@@ -65,22 +71,13 @@ class TemplateBuilder:
 
     def __init__(self, *, is_coarse: bool = False) -> None:
         self.is_coarse = is_coarse
-        self._vertices: list[FloatArray] = []
-        self._triangles: list[NDArray[np.int32]] = []
+        self._solids: list[Solid] = []
         self._tints: list[int] = []
-        self._num = 0
 
-    def add(self, solid: Solid, tint: Tint, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> None:
-        """Add a solid in one tint.
-
-        Args:
-            at: where its origin comes to lie.
-        """
-        vertices, triangles = solid
-        self._vertices.append(vertices + np.array(at))
-        self._triangles.append(triangles + np.int32(self._num))
-        self._tints += [tint] * len(triangles)
-        self._num += len(vertices)
+    def add(self, solid: Solid, tint: Tint) -> None:
+        """Add a solid in one tint."""
+        self._solids.append(solid)
+        self._tints += [tint] * len(solid[1])
 
     def box(self, low: Corner, high: Corner, tint: Tint) -> None:
         """Add a box between two corners."""
@@ -91,6 +88,12 @@ class TemplateBuilder:
         self.box(low, high, left)
         self.box((low[0], -high[1], low[2]), (high[0], -low[1], high[2]), right)
 
+    def panes(self, corners: Sequence[Corner], tint: Tint) -> None:
+        """Add a flat face of four corners on the left side, clockwise from outside, and its mirror image."""
+        face = np.array(corners)
+        self.add((face, fan(4)[:, ::-1]), tint)
+        self.add((face * (1.0, -1.0, 1.0), fan(4)), tint)
+
     def lamps(self, low: Corner, high: Corner, left: Tint, right: Tint) -> None:
         """Add a lamp on the left side and its mirror image on the right one: boxes, or plain faces if coarse."""
         if not self.is_coarse:
@@ -100,7 +103,7 @@ class TemplateBuilder:
         for sign, tint in ((1.0, left), (-1.0, right)):
             y0, y1 = sorted((sign * low[1], sign * high[1]), reverse=x < 0.0)  # it looks away from the body
             corners = np.array([(x, y0, low[2]), (x, y1, low[2]), (x, y1, high[2]), (x, y0, high[2])])
-            self.add((corners, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)), tint)
+            self.add((corners, fan(4)), tint)
 
     def column(self, radius: float, low: float, high: float, tint: Tint, *, top: float | None = None) -> None:
         """Add an upright column about the z axis, with eight sides."""
@@ -123,13 +126,9 @@ class TemplateBuilder:
         for i in range(1, k - 1):
             faces += [(0, i, i + 1), (k, k + i + 1, k + i)]
             tints += [sides, sides]
-        self._vertices.append(vertices)
-        self._triangles.append(np.array(faces, dtype=np.int32) + np.int32(self._num))
+        self._solids.append((vertices, np.array(faces, dtype=np.int32)))
         self._tints += tints
-        self._num += len(vertices)
 
     def finish(self) -> Template:
         """Return the template."""
-        return Template(
-            np.concatenate(self._vertices), np.concatenate(self._triangles), np.array(self._tints, dtype=np.uint8)
-        )
+        return Template(*join(*self._solids), np.array(self._tints, dtype=np.uint8))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.scenery.scene_frame import Shape
-from rosbridge_sim.scenery.solids import join
+from rosbridge_sim.scenery.solids import fan, sides
 
 WHEELS: Final = {
     Shape.CAR: (0.225, 0.12),
@@ -48,20 +48,14 @@ def wheel_template(*, is_coarse: bool = False) -> Template:
     Args:
         is_coarse: for one that is far away.
     """
-    sides = 6 if is_coarse else 10
-    angle = 2.0 * math.pi * np.arange(sides) / sides
-    ring = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    tread = np.concatenate([np.column_stack([i, sides + j, j]), np.column_stack([i, sides + i, sides + j])])
-    parts = [(np.concatenate([ring - _HALF, ring + _HALF]), tread.astype(np.int32))]
-    tints = [Tint.TYRE] * len(tread)
-    fan = np.column_stack([np.zeros(sides - 2, dtype=int), i[2:], i[1:-1]]).astype(np.int32)
+    num = 6 if is_coarse else 10
+    angle = 2.0 * math.pi * np.arange(num) / num
+    ring = np.column_stack([np.cos(angle), np.zeros(num), np.sin(angle)])
+    builder = TemplateBuilder()
+    builder.add((np.concatenate([ring - _HALF, ring + _HALF]), sides(num)[:, ::-1]), Tint.TYRE)
     for radius, out, tint in ((1.0, 0.5, Tint.TYRE), (0.62, 0.53, Tint.RIM))[: 1 if is_coarse else 2]:
-        parts.append((ring * radius + (0, out, 0), fan))
-        tints += [tint] * len(fan)
-    vertices, triangles = join(*parts)
-    return Template(vertices, triangles, np.array(tints, dtype=np.uint8))
+        builder.add((ring * radius + (0, out, 0), fan(num)[:, ::-1]), tint)
+    return builder.finish()
 
 
 _HALF: Final = np.array([0.0, 0.5, 0.0])
@@ -114,17 +108,8 @@ def _car(b: TemplateBuilder) -> None:
 def _car_details(b: TemplateBuilder) -> None:
     """Add pillars, mirrors, grille, plates and the third brake lamp."""
     for x, lean in ((-0.36, 0.03), (-0.085, 0.0), (0.15, -0.06)):  # pillars
-        for y in (1.0, -1.0):
-            solid = np.array(
-                [
-                    (x - 0.014, y * 0.436, 0.61),
-                    (x + 0.014, y * 0.436, 0.61),
-                    (x + 0.014 + lean, y * 0.352, 0.95),
-                    (x - 0.014 + lean, y * 0.352, 0.95),
-                ]
-            )
-            faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-            b.add((solid + np.array([0, y * 0.004, 0]), faces if y < 0 else faces[:, ::-1]), _P)
+        low, high = x - 0.014, x + 0.014
+        b.panes([(low, 0.44, 0.61), (high, 0.44, 0.61), (high + lean, 0.356, 0.95), (low + lean, 0.356, 0.95)], _P)
     b.boxes((0.135, 0.46, 0.6), (0.175, 0.52, 0.66), _P, _P)  # mirrors
     b.box((0.487, -0.24, 0.2), (0.502, 0.24, 0.36), _D)  # grille
     b.box((-0.41, -0.12, 0.86), (-0.385, 0.12, 0.885), Tint.BRAKE_LAMP)
@@ -161,12 +146,8 @@ def _van(b: TemplateBuilder) -> None:
         ],
         _P,
     )
-    for y in (1.0, -1.0):
-        for a, c in ((-0.45, -0.20), (-0.18, 0.06), (0.08, 0.30)):
-            d = min(c, 0.24)
-            flat = np.array([(a, y * 0.494, 0.60), (c, y * 0.485, 0.60), (d, y * 0.447, 0.90), (a, y * 0.447, 0.90)])
-            faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-            b.add((flat + np.array([0, y * 0.01, 0]), faces if y < 0 else faces[:, ::-1]), _G)
+    for a, c in ((-0.45, -0.20), (-0.18, 0.06), (0.08, 0.30)):
+        b.panes([(a, 0.504, 0.60), (c, 0.495, 0.60), (min(c, 0.24), 0.457, 0.90), (a, 0.457, 0.90)], _G)
     b.boxes((0.26, 0.48, 0.56), (0.30, 0.56, 0.66), _D, _D)
     b.box((0.49, -0.30, 0.20), (0.503, 0.30, 0.34), _D)
     _lamps(b, 0.28)
@@ -185,12 +166,7 @@ def _truck(b: TemplateBuilder) -> None:
         ],
         _P,
     )
-    for y in (1.0, -1.0):
-        flat = np.array(
-            [(0.17, y * 0.468, 0.58), (0.45, y * 0.462, 0.58), (0.385, y * 0.447, 0.92), (0.17, y * 0.447, 0.92)]
-        )
-        faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-        b.add((flat + np.array([0, y * 0.006, 0]), faces if y < 0 else faces[:, ::-1]), _G)
+    b.panes([(0.17, 0.474, 0.58), (0.45, 0.468, 0.58), (0.385, 0.453, 0.92), (0.17, 0.453, 0.92)], _G)
     b.box((-0.48, -0.30, 0.20), (0.14, 0.30, 0.34), _D)
     b.box((-0.5, -0.49, 0.34), (0.10, 0.49, 0.40), Tint.RIM)
     b.boxes((-0.5, 0.46, 0.40), (0.10, 0.49, 0.60), _P, _P)
@@ -214,13 +190,10 @@ def _bus(b: TemplateBuilder) -> None:
         ],
         _P,
     )
-    for y in (1.0, -1.0):
-        for k in range(7):
-            a = -0.47 + 0.132 * k
-            low, high = sorted((y * 0.489, y * 0.497))
-            b.box((a, low, 0.46), (a + 0.122, high, 0.86), _G)
-        low, high = sorted((y * 0.489, y * 0.498))
-        b.box((-0.49, low, 0.36), (0.49, high, 0.40), Tint.RIM)
+    for k in range(7):
+        a = -0.47 + 0.132 * k
+        b.boxes((a, 0.489, 0.46), (a + 0.122, 0.497, 0.86), _G, _G)
+    b.boxes((-0.49, 0.489, 0.36), (0.49, 0.498, 0.40), Tint.RIM, Tint.RIM)
     b.box((-0.504, -0.40, 0.56), (-0.498, 0.40, 0.88), _G)
     for x in (-0.06, 0.36):  # doors, on the right
         b.box((x, -0.5, 0.12), (x + 0.1, -0.488, 0.86), _G)

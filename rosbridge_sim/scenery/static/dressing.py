@@ -13,7 +13,7 @@ import numpy as np
 
 from rosbridge_sim.scenery.lines import across, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label, Lit
-from rosbridge_sim.scenery.solids import box, column, join, prism
+from rosbridge_sim.scenery.solids import box, column, join, prism, sides
 from rosbridge_sim.scenery.static.road_edges import NARROW, RoadSite
 from rosbridge_sim.scenery.static.road_surface import SHOULDER
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -91,7 +91,7 @@ def _add_buildings(site: RoadSite, *, rng: np.random.Generator, free: float, sha
     away = cover.distance(place[kept])
     kept = kept[(away > free + radius[kept]) & (away < REACH)]
     shade = rng.integers(0, len(WALLS), num)
-    kept = kept[_far_apart(place[kept], radius[kept])]
+    kept = kept[_far_apart(place[kept], radius[kept] - 1.0)]
     yaws = roads.nearest(place[kept, 0], place[kept, 1]).yaw
     for k, yaw in zip(kept.tolist(), yaws.tolist(), strict=True):
         turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
@@ -112,7 +112,7 @@ def _far_apart(place: FloatArray, radius: FloatArray) -> list[int]:
     cells: dict[tuple[int, int], list[int]] = {}
     for k, (x, y) in enumerate((place // 40.0).astype(int).tolist()):
         near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in cells.get((x + i, y + j), ())]
-        if all(np.hypot(*(place[k] - place[other])) > radius[k] + radius[other] - 2.0 for other in near):
+        if all(np.hypot(*(place[k] - place[other])) > radius[k] + radius[other] for other in near):
             kept.append(k)
             cells.setdefault((x, y), []).append(k)
     return kept
@@ -161,14 +161,10 @@ def _crown(radius: float, low: float, high: float, turn: float) -> tuple[FloatAr
         for i, (r, z) in enumerate(rings)
     ]
     vertices = np.concatenate([*parts, [[0.0, 0.0, low], [0.0, 0.0, high]]])
-    i = np.arange(7)
+    i = np.arange(7, dtype=np.int32)
     j = (i + 1) % 7
-    faces = [np.column_stack([np.full(7, 28), j, i])]
-    for ring in range(3):
-        a, b = 7 * ring, 7 * ring + 7
-        faces += [np.column_stack([a + i, a + j, b + j]), np.column_stack([a + i, b + j, b + i])]
-    faces.append(np.column_stack([21 + i, 21 + j, np.full(7, 29)]))
-    return vertices, np.concatenate(faces).astype(np.int32)
+    below, above = np.column_stack([np.full_like(i, 28), j, i]), np.column_stack([21 + i, 21 + j, np.full_like(i, 29)])
+    return vertices, np.concatenate([below, sides(7, len(rings)), above])
 
 
 def _fir(radius: float, low: float, high: float) -> tuple[FloatArray, np.ndarray]:
@@ -204,7 +200,7 @@ def _add_roadside(site: RoadSite, *, is_town: bool) -> None:
     beyond = place - np.column_stack([(SHOULDER + NARROW - out) * way, np.zeros(len(way))])
     is_free = ~(cover.is_on(place, margin=0.9) | cover.is_on(beyond) | paint.is_near(place))
     place, way = place[is_free], way[is_free]
-    kept = _spread(place, 0.6 * LAMP_STEP)
+    kept = _far_apart(place[:, :2], np.full(len(place), 0.3 * LAMP_STEP))
     place, way = place[kept], way[kept]
     foot = np.column_stack([place[:, :2], terrain.height(place) - 0.1])
     if not is_town:
@@ -220,15 +216,3 @@ def _add_roadside(site: RoadSite, *, is_town: bool) -> None:
         up = np.broadcast_to(vertices[None, :, 2:] + LAMP_HEIGHT, (*flat.shape[:2], 1))
         lamp = np.concatenate([flat, up], axis=2)
         builder.add_copies(lamp, triangles, foot, colour=colour, label=Label.POLE, lit=lit)
-
-
-def _spread(place: FloatArray, apart: float) -> list[int]:
-    """Return rows of places that are apart from each other, the first of those that are not."""
-    kept: list[int] = []
-    cells: dict[tuple[int, int], list[int]] = {}
-    for k, (x, y) in enumerate((place[:, :2] // apart).astype(int).tolist()):
-        near = [other for i in (-1, 0, 1) for j in (-1, 0, 1) for other in cells.get((x + i, y + j), ())]
-        if all(np.hypot(*(place[k, :2] - place[other, :2])) > apart for other in near):
-            kept.append(k)
-            cells.setdefault((x, y), []).append(k)
-    return kept

@@ -10,7 +10,7 @@ import numpy as np
 from rosbridge_sim.maps.road_map import Marking, Sign
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.solids import box, column
+from rosbridge_sim.scenery.solids import box, column, turned
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.road_paint import WHITE
 from rosbridge_sim.scenery.static.terrain import Terrain
@@ -88,14 +88,8 @@ def add_signs(builder: MeshBuilder, signs: Sequence[Sign], cover: RoadCover, ter
         low = max(ground + (CLEAR_ON_ROAD if above else CLEAR), sign.z - 0.5 * sign.height)
         cos, sin = np.cos(sign.yaw), np.sin(sign.yaw)
         vertices, triangles = box((0.0, -0.5 * sign.width, low), (THICK, 0.5 * sign.width, low + sign.height))
-        turned = np.column_stack(
-            [
-                sign.x + vertices[:, 0] * cos - vertices[:, 1] * sin,
-                sign.y + vertices[:, 0] * sin + vertices[:, 1] * cos,
-                vertices[:, 2],
-            ]
-        )
-        builder.add(turned, triangles, _PLATES.get(sign.kind, WHITE), Label.SIGN)
+        plate = turned(vertices, (cos, sin)) + np.array([sign.x, sign.y, 0.0])
+        builder.add(plate, triangles, _PLATES.get(sign.kind, WHITE), Label.SIGN)
         if not above:
             vertices, triangles = column(POLE, ground - 0.2, low + sign.height, 6)
             at = np.array([sign.x - 1.1 * POLE * cos, sign.y - 1.1 * POLE * sin, 0.0])

@@ -19,7 +19,6 @@ from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.scenery.static.traffic_lights import add_lights
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.roads.signal_plan import Light
 
 
 def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = True) -> Mesh:
@@ -35,7 +34,8 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
         return builder.finish()
     cover = RoadCover(roads)
     terrain = Terrain(roads, cover)
-    has_people = bool(road_map.crosswalks) or any(light.is_pedestrian for light in _lights(road_map))
+    lights = road_map.plan.lights
+    has_people = bool(road_map.crosswalks) or any(light.is_pedestrian for light in lights)
     terrain.add_to(builder)
     add_asphalt(builder, roads)
     paint = LoosePaint(road_map, cover)
@@ -44,7 +44,7 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
     add_edges(site, has_pavement=has_people)
     add_paint(builder, road_map, cover)
     add_markings(builder, road_map.markings)
-    add_lights(builder, _lights(road_map), cover, terrain)
+    add_lights(builder, lights, cover, terrain)
     add_signs(builder, road_map.signs, cover, terrain)
     if is_dressed:
         add_dressing(site, name=name, seed=seed, is_town=has_people)
@@ -61,7 +61,3 @@ def origin_of(roads: Roads) -> FloatArray:
     points = roads.points[~find_far_lanes(roads)[np.repeat(np.arange(len(roads)), np.diff(roads.first))], :2]
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return np.array([*(100.0 * np.round(middle / 100.0)), 0.0])
-
-
-def _lights(road_map: RoadMap) -> tuple[Light, ...]:
-    return road_map.plan.lights

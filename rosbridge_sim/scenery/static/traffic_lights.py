@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.mesh import Colour, Label, Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.solids import box, column, disc
+from rosbridge_sim.scenery.solids import box, column, disc, turned
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
@@ -70,7 +70,7 @@ def add_lights(builder: MeshBuilder, lights: Sequence[Light], cover: RoadCover, 
     place = np.array([(light.x, light.y, light.z) for light in lights])
     yaw = np.array([light.yaw for light in lights])
     facing, left = _axes(yaw)
-    for light, at, ahead, side in zip(lights, place, facing, left, strict=True):
+    for light, at, ahead in zip(lights, place, facing, strict=True):
         num = len(_lamps_of(light))
         size = WALK_LENS / LENS if light.is_pedestrian else 1.0
         half = 0.5 * (PITCH * num + 0.06) * size
@@ -78,8 +78,7 @@ def add_lights(builder: MeshBuilder, lights: Sequence[Light], cover: RoadCover, 
         if light.is_pedestrian:
             low, high = (-DEPTH, -0.21 * size, -half), (0.0, 0.21 * size, half)
         vertices, triangles = box(low, high)
-        turned = vertices[:, :1] * ahead + vertices[:, 1:2] * side + vertices[:, 2:] * (0.0, 0.0, 1.0)
-        builder.add(turned + at, triangles, HOUSING, Label.TRAFFIC_LIGHT)
+        builder.add(turned(vertices, ahead[:2]) + at, triangles, HOUSING, Label.TRAFFIC_LIGHT)
     _add_poles(builder, place, facing, left, cover=cover, terrain=terrain)
 
 
@@ -113,10 +112,8 @@ def _add_poles(
         if reach > POLE:
             way = (behind[k, :2] - same[:2]) / reach
             vertices, triangles = box((0.0, -ARM, -ARM), (reach, ARM, ARM))
-            turned = np.column_stack(
-                [vertices[:, :1] * way + vertices[:, 1:2] * (-way[1], way[0]), vertices[:, 2] + place[k, 2] + 0.1]
-            )
-            builder.add(turned + np.array([*same[:2], 0.0]), triangles, STEEL, Label.POLE)
+            arm = turned(vertices, way) + np.array([*same[:2], place[k, 2] + 0.1])
+            builder.add(arm, triangles, STEEL, Label.POLE)
     for x, y, top in poles:
         floor = float(terrain.height(np.array([[x, y]]))[0])
         vertices, triangles = column(POLE, floor - 0.2, top, 8)
@@ -142,7 +139,7 @@ class SignalLamps:
                 shift = pitch * (k - 0.5 * (len(lenses) - 1))
                 aside, up = (0.0, -shift) if light.is_pedestrian else (shift, 0.0)
                 middle = np.array([light.x, light.y, light.z]) + 0.02 * ahead - aside * -left + (0.0, 0.0, up)
-                parts.append(middle + vertices[:, 1:2] * left + vertices[:, 2:] * (0.0, 0.0, 1.0))
+                parts.append(middle + turned(vertices, ahead[:2]))
                 triangles.append(faces + num)
                 num += len(vertices)
                 rows += [row] * len(faces)

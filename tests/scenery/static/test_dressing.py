@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.maps.road_map import Border, Crosswalk
 from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
-from rosbridge_sim.scenery.static.dressing import _cells, _crown, _far_apart, _fir, _spread
+from rosbridge_sim.scenery.static.dressing import _cells, _crown, _far_apart, _fir
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.scenery.static.terrain import BELOW, Terrain
@@ -332,11 +332,9 @@ def test_crown_and_fir_are_closed_or_cones_that_look_outwards() -> None:
 def test_things_that_would_meet_give_way_to_the_first() -> None:
     places = np.array([(0.0, 0.0), (15.0, 0.0), (50.0, 50.0), (39.0, 0.0), (41.0, 0.0), (-1.0, 30.0)])
     assert _far_apart(places, np.full(6, 10.0)) == [0, 2, 3, 5]
-    assert _far_apart(places[[0, 3]], np.array([20.0, 20.5])) == [0, 1]  # they may touch by two metres
-    assert _far_apart(places[[0, 3]], np.array([20.0, 21.2])) == [0]
-    flat = np.column_stack([places, np.zeros(6)])
-    assert _spread(flat, 20.0) == [0, 2, 3, 5]
-    assert _spread(flat, 1.0) == list(range(6))
+    assert _far_apart(places[[0, 3]], np.array([19.0, 19.5])) == [0, 1]
+    assert _far_apart(places[[0, 3]], np.array([19.0, 20.2])) == [0]
+    assert _far_apart(places, np.full(6, 0.5)) == list(range(6))
 
 
 def test_cells_have_a_place_each_over_the_map_and_140_m_around() -> None:
