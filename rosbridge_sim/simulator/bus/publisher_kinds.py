@@ -15,7 +15,7 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import Interface, why_no_topic
 from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE, InterfaceKind, split_prefix
 
-FRAME_RATE: Final = 50
+FRAME_RATE: Final = 50.0
 """Frames of a second of simulated time."""
 
 
@@ -27,13 +27,13 @@ their fractions would take a quarter of the time for all of it."""
 @lru_cache(_MAX_RATES)
 def in_each_frame(rate: float) -> Fraction:
     """Return the publications for each frame at a rate [Hz]."""
-    return Fraction(rate).limit_denominator(10_000) / FRAME_RATE
+    return Fraction(rate).limit_denominator(10_000) / int(FRAME_RATE)
 
 
 @lru_cache(_MAX_RATES)
 def _least(in_each_frame: Fraction, most: Fraction) -> Fraction:
     """Return the publications for each frame where there are at most so many in a second."""
-    return min(in_each_frame, most / FRAME_RATE)
+    return min(in_each_frame, most / int(FRAME_RATE))
 
 
 class TopicPublisher(Interface):

@@ -29,12 +29,12 @@ def test_contact_is_told_once_and_again_after_it_has_ended() -> None:
     assert world.speed[moving] == 10.0
     for expected in (1, 2):
         place = {"x": float(world.x[standing]) - 4.6, "y": 0.5, "z": 0.0, "yaw": 0.0}
-        placement.teleport(world, moving, **place, speed=10.0)
+        placement.teleport(world, moving, **place, speed=10.0, is_ghost=False)
         for _ in range(5):
             client.tick()
         told = client.messages(COLLISIONS)
         assert len(told) == expected
-        placement.teleport(world, moving, **(place | {"y": 50.0}), speed=0.0)
+        placement.teleport(world, moving, **(place | {"y": 50.0}), speed=0.0, is_ghost=False)
         client.tick()
     assert told[0]["id"] == [7, 10]
     assert list(base64.b64decode(told[0]["kind"])) == [1, 1]
@@ -51,7 +51,7 @@ def test_contacts_before_a_restore_or_without_a_subscriber_are_not_told_later() 
     client.start()
     world = harness.world
     place = {"x": float(world.x[world.row(10)]) - 3.0, "y": 0.5, "z": 0.0, "yaw": 0.0}
-    placement.teleport(world, world.row(7), **place, speed=0.0)
+    placement.teleport(world, world.row(7), **place, speed=0.0, is_ghost=False)
     client.tick()
     assert len(world.contacts) == 1
     client.listen(COLLISIONS)
