@@ -86,7 +86,7 @@ def check_both(one: World, other: World, frames: int) -> None:
 @pytest.mark.parametrize("name", MAPS)
 def test_loops_give_the_bits_of_arrays_on_each_map(name: str) -> None:
     one, other = (random_world(name, 25, seed=MAPS.index(name)) for _ in range(2))
-    check_both(one, other, 100)
+    check_both(one, other, 60)
 
 
 @pytest.mark.parametrize("name", MAPS)
@@ -99,7 +99,7 @@ def test_loops_give_the_bits_of_arrays_for_ten_thousand_frames(name: str) -> Non
 @pytest.mark.parametrize("num", [1, 7, 100])
 def test_loops_give_the_bits_of_arrays_for_any_number_of_rows(num: int) -> None:
     one, other = (random_world("motorway", num, seed=num, shares=TurnShares(1.0, 2.0, 1.0)) for _ in range(2))
-    check_both(one, other, 80)
+    check_both(one, other, 50)
 
 
 def short_lanes() -> Roads:
@@ -138,13 +138,14 @@ def test_drivers_do_the_same_at_intersections_and_ends(seed: int, roads_of: Call
             name, body = str(rng.choice(roads.ids)), BUS if rng.random() < 0.3 else CAR
             car(world, name, float(rng.uniform(0.0, roads.length[roads.row(name)])), speed=5.0, body=body)
         worlds.append(world)
-    check_both(worlds[0], worlds[1], 120)
+    check_both(worlds[0], worlds[1], 100)
 
 
 @pytest.mark.parametrize("roads_of", [crossing, short_lanes, tight_road])
-def test_decisions_are_the_same_from_any_claims_and_holds(roads_of: Callable[[], Roads]) -> None:
+@pytest.mark.parametrize("seeds", [range(5), range(5, 15)])
+def test_decisions_are_the_same_from_any_claims_and_holds(seeds: range, roads_of: Callable[[], Roads]) -> None:
     roads = roads_of()
-    for seed in range(15):
+    for seed in seeds:
         worlds = []
         for _ in range(2):
             world, rng = World(seed), np.random.default_rng(seed)
@@ -188,7 +189,7 @@ def on_routes(wander: float) -> World:
 
 def test_routes_and_changes_of_lanes_are_the_same() -> None:
     one, other = on_routes(0.15), on_routes(0.15)
-    check_both(one, other, 200)
+    check_both(one, other, 120)
     assert one.change.any() or one.came_from.any()  # else nobody has changed lanes, or wanted to
 
 
@@ -219,7 +220,7 @@ def test_self_driving_ego_changes_lanes_likewise() -> None:
 
 def test_loops_are_taken_over_and_given_back_between_two_frames() -> None:
     one, other = (random_world("town", 30, seed=4) for _ in range(2))
-    for frame in range(120):
+    for frame in range(80):
         with with_loops(are_there=False):
             step(one)
         with with_loops(are_there=frame % 37 > 15):  # at frames of decision and between them
@@ -243,7 +244,7 @@ def test_world_goes_on_from_a_snapshot_and_after_entities_come_and_go() -> None:
 def test_many_worlds_are_driven_by_loops_likewise() -> None:
     one, other = (Worlds("town", 3, traffic=12, seed=7) for _ in range(2))
     commands: dict[str, float | FloatArray] = {"steering": 0.0, "speed": 8.0}
-    for part in range(12):
+    for part in range(8):
         if part == 5:  # from now on the frames of the worlds differ
             for worlds in (one, other):
                 worlds.reset([True, False, False])

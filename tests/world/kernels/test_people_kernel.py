@@ -66,7 +66,7 @@ def test_loops_for_people_are_taken_over_between_two_frames() -> None:
 
 def test_people_of_many_worlds_have_the_bits_of_arrays() -> None:
     one, other = (Worlds("demo", 3, seed=7) for _ in range(2))
-    for part in range(12):
+    for part in range(8):
         if part == 5:
             for worlds in (one, other):
                 worlds.reset([True, False, False])
