@@ -17,6 +17,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi_services.node_parameters import SAME_AS, fields_of, text_of
+from rosbridge_sim.graph.rosapi_services.rosapi import as_json_text
 from rosbridge_sim.graph.topics_services import Answer, Call, Handle, Service
 from rosbridge_sim.graph.ways import Use, Way
 
@@ -136,7 +137,7 @@ class RemoteParameters(Participant):
             if text is not None:
                 _answer(call, value=text)
             elif request.default:
-                _answer(call, value=_as_json(request.default))
+                _answer(call, value=as_json_text(request.default))
             else:
                 _answer(call, value='""', successful=False, reason=f"Parameter {node}:{parameter} is not set")
 
@@ -153,7 +154,7 @@ class RemoteParameters(Participant):
             try:
                 fields = fields_of(text, value.type)
             except orjson.JSONDecodeError:
-                fields = fields_of(_as_json(text), value.type)
+                fields = fields_of(as_json_text(text), value.type)
             self._put(call, node, parameter, fields, now)
 
         self._get(call, node, parameter, put, now)
@@ -207,12 +208,3 @@ def _response(answer: Answer) -> _Struct:
 
 def _answer(call: Call, **fields: object) -> None:
     call.answer(call.service.type.response.struct_type(**fields))
-
-
-def _as_json(text: str) -> str:
-    """Return a text as JSON: as it is, or as a string."""
-    try:
-        orjson.loads(text)
-    except orjson.JSONDecodeError:
-        return orjson.dumps(text).decode()
-    return text

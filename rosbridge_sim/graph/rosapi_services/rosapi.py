@@ -52,6 +52,19 @@ _SERVICE_PARTS = ("request", "response")
 _PARTS = ("message", *_SERVICE_PARTS, "goal", "result", "feedback")
 """A message itself, and the parts of the types of services and actions; each is a message."""
 
+_SERVICES = (
+    *("topics", "topics_for_type", "topic_type", "publishers", "subscribers", "topics_and_raw_types", "interfaces"),
+    *("services", "services_for_type", "service_type", "service_providers", "service_node", "service_host"),
+    *("nodes", "node_details", "action_servers", "action_type", "get_ros_version", "get_time"),
+    *("get_param", "has_param", "delete_param", "search_param", "get_param_names"),
+)
+"""Services that a method of the same name answers; `topic_type` has the type `rosapi/TopicType`, and so on."""
+
+_DETAILS = ("message", "service_request", "service_response", "action_goal", "action_result", "action_feedback")
+"""Services for the fields of types, without `_details` at the end."""
+
+_OTHER_TYPES = {"action_servers": "GetActionServers", "get_ros_version": "GetROSVersion"}
+
 _DISTROS = {1: "noetic", 2: "jazzy"}
 """The distributions that the built-in standard definitions come from."""
 
@@ -86,39 +99,10 @@ class Rosapi(Participant):
         self._params = bus.parameters
         self._may_use_all = policy.parameter == Rule()
         self._verdicts: dict[str, bool] = {}
-        table: dict[str, tuple[str, Callable[[_Request], _Fields]]] = {
-            "topics": ("Topics", self._topics),
-            "topics_for_type": ("TopicsForType", self._topics_for_type),
-            "topic_type": ("TopicType", self._topic_type),
-            "publishers": ("Publishers", self._publishers),
-            "subscribers": ("Subscribers", self._subscribers),
-            "services": ("Services", self._services),
-            "services_for_type": ("ServicesForType", self._services_for_type),
-            "service_type": ("ServiceType", self._service_type),
-            "service_providers": ("ServiceProviders", self._service_providers),
-            "service_node": ("ServiceNode", self._service_node),
-            "nodes": ("Nodes", self._nodes),
-            "node_details": ("NodeDetails", self._node_details),
-            "service_host": ("ServiceHost", self._service_host),
-            "topics_and_raw_types": ("TopicsAndRawTypes", self._topics_and_raw_types),
-            "message_details": ("MessageDetails", self._details("message")),
-            "service_request_details": ("ServiceRequestDetails", self._details("request")),
-            "service_response_details": ("ServiceResponseDetails", self._details("response")),
-            "interfaces": ("Interfaces", self._interfaces),
-            "action_servers": ("GetActionServers", self._action_servers),
-            "action_type": ("ActionType", self._action_type),
-            "action_goal_details": ("ActionGoalDetails", self._details("goal")),
-            "action_result_details": ("ActionResultDetails", self._details("result")),
-            "action_feedback_details": ("ActionFeedbackDetails", self._details("feedback")),
-            "get_ros_version": ("GetROSVersion", self._ros_version),
-            "get_time": ("GetTime", self._get_time),
-            "get_param": ("GetParam", self._get_param),
-            "has_param": ("HasParam", self._has_param),
-            "delete_param": ("DeleteParam", self._delete_param),
-            "search_param": ("SearchParam", self._search_param),
-            "get_param_names": ("GetParamNames", self._get_param_names),
-        }
-        for name, (type_name, respond) in table.items():
+        answers = {f"{one}_details": self._details(one.rpartition("_")[2]) for one in _DETAILS}
+        answers |= {name: getattr(self, f"_{name}") for name in _SERVICES}
+        for name, respond in answers.items():
+            type_name = _OTHER_TYPES.get(name) or "".join(map(str.capitalize, name.split("_")))
             bus.provide(self, f"/rosapi/{name}", f"rosapi/{type_name}", _handler(respond), is_exclusive=True)
         bus.provide(
             self,
@@ -286,7 +270,7 @@ class Rosapi(Participant):
         kinds: tuple[DefinitionKind, ...] = ("msg", "srv", "action")
         return {"interfaces": sorted({spelled(name, kind) for kind in kinds for name in store.names(kind)})}
 
-    def _ros_version(self, _request: _Request) -> _Fields:
+    def _get_ros_version(self, _request: _Request) -> _Fields:
         return {"version": self._bus.store.ros, "distro": _DISTROS[self._bus.store.ros]}
 
     # Actions
@@ -351,7 +335,7 @@ class Rosapi(Participant):
         if below:
             return {"value": self._params.tree(name, below)}
         if request.default:
-            return {"value": _as_json_text(request.default)}
+            return {"value": as_json_text(request.default)}
         # clients parse the value before they check for success, so it must be JSON text
         return {"value": _UNSET[self._bus.store.ros], "successful": False, "reason": f"Parameter {name} is not set"}
 
@@ -417,7 +401,7 @@ def _to_text(value: object) -> str:
         raise GraphError("The value is nested too deeply") from None
 
 
-def _as_json_text(text: str) -> str:
+def as_json_text(text: str) -> str:
     """Return a text that may be JSON as JSON text; any other text becomes a string, as in rosbridge_suite."""
     try:
         return _to_text(orjson.loads(text))
