@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final, Literal, TypeAlias
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias
 
-Point: TypeAlias = Mapping[str, bool | int | float | str]
+import msgspec
+
+MOST: Final = 1e12
+"""Largest number in a line of the file of results; a drive has none that is nearly as large."""
+
+_Number = Annotated[float, msgspec.Meta(ge=-MOST, le=MOST)]
+_Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+_Whole = Annotated[int, msgspec.Meta(ge=1 - 2**63, le=2**63 - 1)]
+
+Point: TypeAlias = Mapping[str, bool | _Whole | float | str]
 """Values of the parameters of a run, by name."""
 
 Verdict = Literal["pass", "fail", "error", "skipped", "flaky"]
@@ -35,10 +45,10 @@ class Run:
         parameters: by name.
     """
 
-    number: int
+    number: _Count
     scenario: str
     driver: str
-    seed: int
+    seed: _Count
     parameters: Point
 
     @property
@@ -53,8 +63,7 @@ class Run:
         return f"{self.driver} {self.scenario} seed={self.seed} {chosen}".rstrip()
 
 
-@dataclass(frozen=True, slots=True)
-class Breach:
+class Breach(NamedTuple):
     """A limit that was not kept.
 
     Attributes:
@@ -65,9 +74,9 @@ class Breach:
 
     limit: str
     text: str
-    time: float
-    x: float
-    y: float
+    time: _Number
+    x: _Number
+    y: _Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,40 +104,24 @@ class Result:
     reason: str = ""
     breaches: tuple[Breach, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
-    frames: int = 0
+    frames: _Count = 0
     state_hash: str = ""
-    path: tuple[tuple[float, float], ...] = ()
+    path: tuple[tuple[_Number, _Number], ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     files: tuple[str, ...] = ()
     trouble: str = ""
-    wall: float = 0.0
-    cpu: float = 0.0
+    wall: _Number = 0.0
+    cpu: _Number = 0.0
     worker: str = ""
-    retries: int = 0
+    retries: _Count = 0
 
     def to_json(self) -> dict[str, Any]:
         """Return the values for a line of the file; null stands for an infinite score."""
-        return {
-            "run": self.run.number,
-            "scenario": self.run.scenario,
-            "driver": self.run.driver,
-            "seed": self.run.seed,
-            "parameters": dict(self.run.parameters),
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "breaches": [[each.limit, each.text, each.time, each.x, each.y] for each in self.breaches],
-            "scores": {name: value if math.isfinite(value) else None for name, value in self.scores.items()},
-            "frames": self.frames,
-            "state_hash": self.state_hash,
-            "path": [list(place) for place in self.path],
-            "verdicts": list(self.verdicts),
-            "files": list(self.files),
-            "trouble": self.trouble,
-            "wall": round(self.wall, 4),
-            "cpu": round(self.cpu, 4),
-            "worker": self.worker,
-            "retries": self.retries,
-        }
+        values = msgspec.to_builtins(self)
+        run = values.pop("run")
+        scores = {name: value if math.isfinite(value) else None for name, value in self.scores.items()}
+        times = {"wall": round(self.wall, 4), "cpu": round(self.cpu, 4)}
+        return {"run": run.pop("number"), **run, **values, "scores": scores, **times}
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Result:
@@ -137,89 +130,16 @@ class Result:
         Raises:
             KeyError, TypeError, ValueError: it is another thing.
         """
-        run = Run(
-            _integer(values["run"]),
-            _text(values["scenario"]),
-            _text(values["driver"]),
-            _integer(values["seed"]),
-            {_text(name): _parameter(value) for name, value in _group(values["parameters"]).items()},
-        )
-        scores = _group(values["scores"])
-        return cls(
-            run,
-            _verdict(values["verdict"]),
-            _text(values["reason"]),
-            tuple(_breach(*each) for each in _list(values["breaches"])),
-            {name: math.inf if scores[name] is None else _number(scores[name]) for name in SCORES if name in scores},
-            _integer(values["frames"]),
-            _text(values["state_hash"]),
-            tuple((_number(x), _number(y)) for x, y in _list(values["path"])),
-            tuple(map(_verdict, _list(values["verdicts"]))),
-            tuple(map(_text, _list(values["files"]))),
-            _text(values.get("trouble", "")),
-            _number(values["wall"]),
-            _number(values["cpu"]),
-            _text(values["worker"]),
-            _integer(values.get("retries", 0)),
-        )
+        json.dumps(values, ensure_ascii=False).encode()  # half of a surrogate pair is an error; nothing could print it
+        values = {"trouble": "", "retries": 0, **values}  # an older version has not written these
+        run = {"number" if name == "run" else name: values[name] for name in _OF_RUN}
+        rest = {each.name: values[each.name] for each in fields(cls) if each.name != "run"}
+        scores = msgspec.convert(rest.pop("scores"), dict[str, _Number | None])
+        found = msgspec.convert({"run": run, **rest}, cls)
+        known = [(name, scores[name]) for name in SCORES if name in scores]
+        told: dict[str, float] = {name: math.inf if score is None else score for name, score in known}
+        return replace(found, scores=told)
 
 
-# Values of a line, which may have been written by hand
-
-
-MOST: Final = 1e12
-"""Largest number in a line; a drive has none that is nearly as large."""
-
-
-def _wrong(value: object, expected: str) -> ValueError:
-    return ValueError(f"expected {expected}, got {value!r:.60}")
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise _wrong(value, "a text")
-    value.encode()  # half of a surrogate pair is an error; nothing could print it
-    return value
-
-
-def _integer(value: object) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**63:
-        raise _wrong(value, "a whole number from 0 on")
-    return value
-
-
-def _number(value: object) -> float:
-    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= MOST:
-        raise _wrong(value, f"a number of at most {MOST:g}")
-    return value
-
-
-def _parameter(value: object) -> bool | int | float | str:
-    if isinstance(value, str):
-        return _text(value)
-    if not isinstance(value, bool | int | float) or (isinstance(value, int) and abs(value) >= 2**63):
-        raise _wrong(value, "a switch, a number or a text")
-    return value
-
-
-def _group(value: object) -> Mapping[str, Any]:
-    if not isinstance(value, dict):
-        raise _wrong(value, "values by name")
-    return value
-
-
-def _list(value: object) -> Sequence[Any]:
-    if not isinstance(value, list):
-        raise _wrong(value, "a list")
-    return value
-
-
-def _verdict(value: object) -> Verdict:
-    found = next((each for each in VERDICTS if each == value), None)
-    if found is None:
-        raise _wrong(value, f"one of {', '.join(VERDICTS)}")
-    return found
-
-
-def _breach(limit: object, text: object, time: object, x: object, y: object) -> Breach:
-    return Breach(_text(limit), _text(text), _number(time), _number(x), _number(y))
+_OF_RUN: Final = ("run", "scenario", "driver", "seed", "parameters")
+"""Keys of a line that are about the run, whose number is `run`."""

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Literal, TypeVar
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.compile import compile_message
 from rosbridge_sim.schema.definitions.dialect import ROS1, ROS2, Leniency
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
@@ -81,13 +82,7 @@ class Store:
         self._encoders = Encoders(ros)
         self._is_checked = is_checked
         self._texts = dict(texts)
-        self._leniency = Leniency(
-            types=leniency.types,
-            fields=_joined(RENAMED_FIELDS, leniency.fields),
-            scalars=leniency.scalars,
-            numerals=leniency.numerals,
-            elsewhere=leniency.elsewhere,
-        )
+        self._leniency = replace(leniency, fields=_joined(RENAMED_FIELDS, leniency.fields))
         self._packages = {package for package, _, _ in self._texts}
         self._definitions: dict[str, Definition] = {}
         self._known_parts: dict[tuple[str, str], tuple[Definition, ...]] = {}
