@@ -7,14 +7,17 @@ silence. So names and types of the fields of our types are asked for once everyt
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
+
+import msgspec
 
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.graph.attach.diagnostics import Diagnostics, plain_type
 from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
-from rosbridge_sim.schema.definitions.typedefs import typedefs
+from rosbridge_sim.records import Record
+from rosbridge_sim.schema.definitions.typedefs import TypeDef, typedefs
 from rosbridge_sim.schema.store import Store
 
 _END_OF_NAME: Final = re.compile(r"[\[<>, ]")
@@ -37,6 +40,15 @@ _SAME_TYPES: Final = {
     "builtin_interfaces/Duration": "duration",
 }
 """Other names of the same types: older ones, those of IDL, which rosapi of ROS 2 shows, and those of ROS 2."""
+
+
+class _ToldType(Record):
+    """A type as a remote rosapi tells it; see `TypeDef`."""
+
+    type: str
+    fieldnames: list[str]
+    fieldtypes: list[str]
+    fieldarraylen: list[int]
 
 
 class ReleaseCheck:
@@ -98,24 +110,24 @@ class ReleaseCheck:
 
 def _fields_in(values: Values | None) -> Fields:
     """Return the fields of all types of the package in an answer."""
-    fields: Fields = {}
-    found = values.get("typedefs") if values is not None else None
-    for each in found if isinstance(found, list) else ():
-        if not isinstance(each, dict):
-            continue
-        name, names, types, lengths = (each.get(key) for key in ("type", "fieldnames", "fieldtypes", "fieldarraylen"))
-        if not (isinstance(name, str) and name.startswith(f"{PACKAGE}/") and isinstance(names, list)):
-            continue
-        if not (isinstance(types, list) and isinstance(lengths, list) and len(names) == len(types) == len(lengths)):
-            continue
-        fields[plain_type(name)] = frozenset(
-            (str(one).lstrip("_"), _spelled(kind, length))
-            for one, kind, length in zip(names, types, lengths, strict=True)
+    try:
+        found = msgspec.convert((values or {}).get("typedefs", []), list[_ToldType])
+    except msgspec.ValidationError:
+        return {}
+    return _fields(one for one in found if one.type.startswith(f"{PACKAGE}/"))
+
+
+def _fields(found: Iterable[_ToldType | TypeDef]) -> Fields:
+    return {
+        plain_type(one.type): frozenset(
+            (name.lstrip("_"), _spelled(kind, length))
+            for name, kind, length in zip(one.fieldnames, one.fieldtypes, one.fieldarraylen, strict=False)
         )
-    return fields
+        for one in found
+    }
 
 
-def _spelled(kind: object, length: object) -> str:
+def _spelled(kind: str, length: int) -> str:
     """Return a field's type in one spelling for all servers; arrays of different lengths are one type here.
 
     rosapi of ROS 2 shows a bounded sequence with another length than ours, so only list or no list is compared.
@@ -124,9 +136,8 @@ def _spelled(kind: object, length: object) -> str:
         kind: from `fieldtypes`.
         length: from `fieldarraylen`: -1 for no array.
     """
-    text = str(kind)
-    is_list = length != -1 or text.startswith("sequence<")
-    base = plain_type(_END_OF_NAME.split(text.removeprefix("sequence<"), maxsplit=1)[0])
+    is_list = length != -1 or kind.startswith("sequence<")
+    base = plain_type(_END_OF_NAME.split(kind.removeprefix("sequence<"), maxsplit=1)[0])
     return _SAME_TYPES.get(base, base) + ("[]" if is_list else "")
 
 
@@ -137,17 +148,6 @@ def _differing(theirs: Fields, store: Store) -> list[str]:
 
 def _fields_of(name: str, store: Store) -> frozenset[tuple[str, str]] | None:
     try:
-        found = typedefs(store.message(name).spec)
+        return _fields(typedefs(store.message(name).spec)).get(name)
     except TypeNameError:
         return None
-    return next(
-        (
-            frozenset(
-                (one, _spelled(kind, length))
-                for one, kind, length in zip(each.fieldnames, each.fieldtypes, each.fieldarraylen, strict=True)
-            )
-            for each in found
-            if plain_type(each.type) == name
-        ),
-        None,
-    )
