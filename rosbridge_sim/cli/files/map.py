@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.files.verdicts import Verdicts, exit_code, put_verdict
+from rosbridge_sim.cli.files.verdicts import exit_code, put_lines, put_verdict, put_verdicts
 from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
 from rosbridge_sim.errors import DocumentError, SettingError, file_errors
 from rosbridge_sim.link.terminal_text import safe
@@ -64,16 +64,9 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
             put_json(account)
         else:
             _show(account)
-        return exit_code([account], is_strict=is_strict)
-    verdicts = Verdicts("map info", len(folders), is_json=is_json)
-    for folder in folders:
-        verdicts.begin(str(folder))
-        try:
-            account, _ = _account(folder)
-        except DocumentError as error:
-            account = {"file": str(folder), "is_good": False, "mistakes": [str(error)], "remarks": []}
-        verdicts.add(account)
-    return verdicts.end(is_strict=is_strict)
+        return exit_code(account, is_strict=is_strict)
+    files = list(map(str, folders))
+    return put_verdicts("map info", files, lambda file: _account(Path(file))[0], is_json=is_json, is_strict=is_strict)
 
 
 def _find_folders(name: str) -> list[Path]:
@@ -145,8 +138,8 @@ def _described(account: _Report, files: Mapping[str, bytes], road_map: RoadMap) 
 
 def _show(account: _Report) -> None:
     put_verdict(account)
-    _put_lines("mistakes", account["mistakes"])
-    _put_lines("remarks", account["remarks"])
+    put_lines("mistakes", account["mistakes"])
+    put_lines("remarks", account["remarks"])
     put("")
     files = account["files"]
     named = [f"{one['name']} ({one['holds']})" if one["holds"] else one["name"] for one in files if one["is_read"]]
@@ -161,13 +154,6 @@ def _put_names(title: str, names: Sequence[str]) -> None:
     if names:
         text = f"  {title}: {', '.join(map(safe, names))}"
         put(textwrap.fill(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False))
-
-
-def _put_lines(title: str, lines: Sequence[str]) -> None:
-    if lines:
-        put(f"\n{title}:")
-        for line in lines:
-            put(f"  {safe(line)}")
 
 
 def _show_figures(account: _Report) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.files.verdicts import Verdicts, exit_code, put_verdict
+from rosbridge_sim.cli.files.verdicts import CheckReport, exit_code, put_lines, put_verdict, put_verdicts
 from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
@@ -75,7 +75,10 @@ def _open_library(
     flags += [] if own_models is None else [f"--catalogue={own_models}"]
     flags += story_flags
     settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
-    return open_library(settings), settings.map
+    library = open_library(settings)
+    if settings.map is not None:
+        library.map(settings.map)  # else its mistakes would be those of each file
+    return library, settings.map
 
 
 def check_scenarios(
@@ -121,19 +124,14 @@ def check_scenarios(
             put_json(account)
         else:
             _show(account)
-        return exit_code([account], is_strict=is_strict)
+        return exit_code(account, is_strict=is_strict)
     if picture is not None:
         raise SettingError(f"--picture: expected a single scenario to draw, got {len(files):,}")
-    verdicts = Verdicts("scenario check", len(files), is_json=is_json)
-    for file in files:
-        verdicts.begin(file)
-        try:
-            text, source = library.opening_file(file)
-        except DocumentError as error:
-            verdicts.add({"file": file, "is_good": False, "mistakes": [str(error)], "remarks": []})
-        else:
-            verdicts.add(_account(text, source, library, own_map)[0])
-    return verdicts.end(is_strict=is_strict)
+
+    def account_of(file: str) -> CheckReport:
+        return _account(*library.opening_file(file), library, own_map)[0]
+
+    return put_verdicts("scenario check", files, account_of, is_json=is_json, is_strict=is_strict)
 
 
 def _expand(name: str, library: DiskLibrary) -> list[str]:
@@ -316,8 +314,6 @@ def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> 
     try:
         road_map = library.map(asked or DEFAULT_MAP)
     except DocumentError as error:
-        if own_map is not None:
-            raise  # the map was given on the command line
         return {"name": asked, "is_known": False, "checked_on": None, "why": str(error)}, None
     return {
         **account,
@@ -393,9 +389,9 @@ def _way_once_it_goes(spawn: Spawn) -> str:
 
 def _show(account: _Report) -> None:
     put_verdict(account)
-    _show_lines("mistakes", account["mistakes"])
-    _show_lines("remarks", account["remarks"])
-    _show_lines("notes", account.get("notes", ()))
+    put_lines("mistakes", account["mistakes"])
+    put_lines("remarks", account["remarks"])
+    put_lines("notes", account.get("notes", ()))
     put("")
     if account["map"]["is_known"]:
         put(f"map: {_map_line(account['map'])}")
@@ -466,10 +462,3 @@ def _map_line(account: _Report) -> str:
     on = account["checked_on"]
     checked = "" if on == account["name"] else f"; checked on {safe(on)}"
     return f"{named}{checked} ({account['lanes']:,} lanes, {account['lights']:,} lights)"
-
-
-def _show_lines(title: str, lines: Sequence[str]) -> None:
-    if lines:
-        put(f"\n{title}:")
-        for line in lines:
-            put(f"  {safe(line)}")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.terminal_text import safe
 
 CheckReport = Mapping[str, Any]
@@ -16,9 +17,9 @@ MAX_LISTED: Final = 5
 """Mistakes and remarks of a file that are shown among many files; the command for a single file shows all."""
 
 
-def exit_code(accounts: Iterable[CheckReport], *, is_strict: bool) -> int:
+def exit_code(account: CheckReport, *, is_strict: bool) -> int:
     """Return 1 if a file has mistakes, or has remarks and they count; else 0."""
-    return int(any(one["mistakes"] or (is_strict and one["remarks"]) for one in accounts))
+    return int(bool(account["mistakes"] or (is_strict and account["remarks"])))
 
 
 def put_verdict(account: CheckReport) -> None:
@@ -27,68 +28,57 @@ def put_verdict(account: CheckReport) -> None:
     put(f"{safe(account['file'])}: {', '.join(counts) or 'good'}")
 
 
-class Verdicts:
-    """The results for many files, each printed as soon as it is known."""
+def put_verdicts(
+    command: str, files: Sequence[str], account_of: Callable[[str], CheckReport], *, is_json: bool, is_strict: bool
+) -> int:
+    """Print the results for many files, each as soon as it is known, and the totals.
 
-    def __init__(self, command: str, num: int, *, is_json: bool) -> None:
-        """Begin without results.
+    Args:
+        command: command that shows everything about a single file.
+        account_of: returns the report on a file; a `DocumentError` is its mistake.
+        is_json: print one JSON value per line for programs.
+        is_strict: remarks count like mistakes.
 
-        Args:
-            command: command that shows everything about a single file.
-            is_json: print one JSON value per line for programs.
-        """
-        self._command = command
-        self._num = num
-        self._is_json = is_json
-        self._counts = {"good": 0, "with remarks": 0, "with mistakes": 0}
-        self._codes = {False: 0, True: 0}
-        # If the results go to a file, the terminal shows the progress.
-        self._has_progress = sys.stderr.isatty() and not sys.stdout.isatty()
-
-    def begin(self, file: str) -> None:
-        """Begin with the next file."""
-        if self._has_progress:
-            done = sum(self._counts.values())
-            sys.stderr.write(f"\r\x1b[K[{done + 1:,}/{self._num:,}] {safe(file)}")
+    Returns:
+        The exit code for all files.
+    """
+    counts = {"good": 0, "with remarks": 0, "with mistakes": 0}
+    # If the results go to a file, the terminal shows the progress.
+    has_progress = sys.stderr.isatty() and not sys.stdout.isatty()
+    for number, file in enumerate(files, 1):
+        if has_progress:
+            sys.stderr.write(f"\r\x1b[K[{number:,}/{len(files):,}] {safe(file)}")
             sys.stderr.flush()
-
-    def add(self, account: CheckReport) -> None:
-        """Print the result for the current file."""
-        verdict = "with mistakes" if account["mistakes"] else "with remarks" if account["remarks"] else "good"
-        self._counts[verdict] += 1
-        for is_strict in self._codes:
-            self._codes[is_strict] |= exit_code([account], is_strict=is_strict)
-        if self._is_json:
+        try:
+            account = account_of(file)
+        except DocumentError as error:
+            account = {"file": file, "is_good": False, "mistakes": [str(error)], "remarks": []}
+        counts["with mistakes" if account["mistakes"] else "with remarks" if account["remarks"] else "good"] += 1
+        if is_json:
             put_json(account)
-            return
+            continue
         put_verdict(account)
-        self._put_lines("mistake", account["mistakes"])
-        self._put_lines("remark", account["remarks"])
+        for what in ("mistake", "remark"):
+            lines = account[f"{what}s"]
+            for line in lines[:MAX_LISTED]:
+                put(f"  {what}: {safe(line)}")
+            if len(lines) > MAX_LISTED:
+                put(f"  ... and {_plural(len(lines) - MAX_LISTED, what)} more; rosbridge-sim {command} shows all")
+    if has_progress:
+        sys.stderr.write("\r\x1b[K")
+        sys.stderr.flush()
+    if not is_json:
+        shown = ", ".join(f"{num:,} {verdict}" for verdict, num in counts.items() if num)
+        put(f"{_plural(len(files), 'file')}: {shown}")
+    return int(bool(counts["with mistakes"] or (is_strict and counts["with remarks"])))
 
-    def end(self, *, is_strict: bool) -> int:
-        """Print the totals.
 
-        Args:
-            is_strict: remarks count like mistakes.
-
-        Returns:
-            The exit code for all files.
-        """
-        if self._has_progress:
-            sys.stderr.write("\r\x1b[K")
-            sys.stderr.flush()
-        if not self._is_json:
-            counts = ", ".join(f"{num:,} {verdict}" for verdict, num in self._counts.items() if num)
-            put(f"{_plural(self._num, 'file')}: {counts}")
-        return self._codes[is_strict]
-
-    def _put_lines(self, what: str, lines: Sequence[str]) -> None:
-        for line in lines[:MAX_LISTED]:
-            put(f"  {what}: {safe(line)}")
-        if len(lines) > MAX_LISTED:
-            put(
-                f"  ... and {_plural(len(lines) - MAX_LISTED, f'{what}')} more; rosbridge-sim {self._command} shows all"
-            )
+def put_lines(title: str, lines: Sequence[str]) -> None:
+    """Print lines with a title, if there are some."""
+    if lines:
+        put(f"\n{title}:")
+        for line in lines:
+            put(f"  {safe(line)}")
 
 
 def _plural(num: int, what: str) -> str:

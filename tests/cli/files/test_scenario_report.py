@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from rosbridge_sim.cli.files.verdicts import Verdicts
+from rosbridge_sim.cli.files.verdicts import put_verdicts
 from tests.cli.tool_fixture import run
 from tests.simulator.small_maps import ROADRUNNER
 from tests.simulator.story.story_texts import after, event, group, link, routing, speed, story, teleport
@@ -211,14 +211,14 @@ class Terminal(io.StringIO):
 def test_progress_is_shown_on_the_terminal_when_output_is_redirected(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    verdicts = Verdicts("scenario check", 2, is_json=True)
-    verdicts.begin("a\x1b[2J.json")
-    verdicts.add({"file": "a", "mistakes": [], "remarks": ["odd"]})
-    verdicts.begin("b.json")
-    verdicts.add({"file": "b", "mistakes": [], "remarks": []})
-    assert (verdicts.end(is_strict=False), verdicts.end(is_strict=True)) == (0, 1)
+    reports = {
+        "a\x1b[2J.json": {"file": "a", "mistakes": [], "remarks": ["odd"]},
+        "b.json": {"file": "b", "mistakes": [], "remarks": []},
+    }
+    assert put_verdicts("scenario check", list(reports), reports.__getitem__, is_json=True, is_strict=False) == 0
     clear = "\r\x1b[K"
-    assert terminal.getvalue() == f"{clear}[1/2] a\\x1b[2J.json{clear}[2/2] b.json{clear}{clear}"
+    assert terminal.getvalue() == f"{clear}[1/2] a\\x1b[2J.json{clear}[2/2] b.json{clear}"
+    assert put_verdicts("scenario check", list(reports), reports.__getitem__, is_json=True, is_strict=True) == 1
 
 
 def test_a_scenario_is_found_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
