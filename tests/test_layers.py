@@ -131,7 +131,7 @@ shell.mocking: * documents graph graph.peers mock protocol schema shell.bags she
 shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
-shell.kernels: errors version world world.contacts world.followers world.kernels world.people
+shell.kernels: errors version world world.contacts world.followers world.kernels world.people world.vehicle
 shell.page: * schema simulator.markers simulator.plain simulator.sim_services version
 shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell.kernels shell.page shell.transport version

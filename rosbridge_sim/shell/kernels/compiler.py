@@ -29,12 +29,15 @@ from rosbridge_sim.version import __version__
 from rosbridge_sim.world.contacts.collisions import PAIR_LOOPS
 from rosbridge_sim.world.followers.lane_following import LANE_LOOPS
 from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
+from rosbridge_sim.world.kernels.car_kernel import CarKernel
+from rosbridge_sim.world.kernels.car_source import write_cars
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel, measures_alike
 from rosbridge_sim.world.people.people import PEOPLE_LOOPS
 from rosbridge_sim.world.scoring import SCORE_LOOPS
+from rosbridge_sim.world.vehicle.dynamics import CAR_LOOPS
 
 _OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
 """No fused multiply-add: it rounds once, where numpy rounds twice."""
@@ -72,7 +75,7 @@ def cache_folder(environment: Mapping[str, str]) -> Path:
 def read_source() -> str:
     """Return the source of the loops."""
     folder = files("rosbridge_sim.world.kernels")
-    return write_source([folder.joinpath(name).read_text(encoding="utf-8") for name in FILES])
+    return write_source([folder.joinpath(name).read_text(encoding="utf-8") for name in FILES] + [write_cars()])
 
 
 def library_path(source: str, compiler: Sequence[str], folder: Path) -> Path:
@@ -176,6 +179,7 @@ def take_library(path: Path) -> None:
     """Load a compiled library, and have all worlds take its loops; see `load_library`."""
     library = load_library(path)
     LANE_LOOPS.make = partial(LaneKernel, library)
+    CAR_LOOPS.make = partial(CarKernel, library)
     PAIR_LOOPS.make = partial(PairKernel, library)
     PEOPLE_LOOPS.make = partial(PeopleKernel, library)
     if measures_alike(library):

@@ -229,7 +229,7 @@ FUNCTIONS: Final = {
     **dict.fromkeys(("accelerate", "look_at_lanes_beside", "look_at_headings", "plan_aside", "steer"), "I"),
     **dict.fromkeys(("list_pairs", "look_at_kerbs"), "I"),
     **dict.fromkeys(("signal_changes", "take_headings", "watch_pairs", "judge_pairs"), "I I"),
-    "mind_kerbs": " I",
+    **dict.fromkeys(("mind_kerbs", "drive_cars"), " I"),
     **dict.fromkeys(("find_slants", "move"), " D"),
     **dict.fromkeys(("list_headings", "measure", "describe_others"), ""),
     **dict.fromkeys(("look_at_lanes", "judge_egos", "find_others"), "I"),
@@ -348,22 +348,30 @@ typedef struct Box Box;
 """
 
 
-class _COperators:
-    """The functions of `rule_operators.RuleOperators` in C."""
+class COperators:
+    """The functions of `rule_operators.RuleOperators` in C.
+
+    Args:
+        script: gets the lines.
+    """
 
     def __init__(self, script: Script) -> None:
         self._script = script
 
     def least(self, a: Term, b: Term | float, /) -> Term:
+        """Return the smaller one; 0 without a sign."""
         return self._script.write("({1} < {0} ? {1} : {0}) + 0.0", a, b)
 
     def most(self, a: Term, b: Term | float, /) -> Term:
+        """Return the greater one; 0 without a sign."""
         return self._script.write("({1} > {0} ? {1} : {0}) + 0.0", a, b)
 
     def pick(self, condition: Term, if_positive: Term | float, otherwise: Term | float, /) -> Term:
+        """Return the second argument where the first one is positive, else the third one."""
         return self._script.write("{0} > 0.0 ? {1} : {2}", condition, if_positive, otherwise)
 
     def root(self, a: Term, /) -> Term:
+        """Return the square root of a number >= 0."""
         return self._script.write("sqrt({})", a)
 
 
@@ -374,7 +382,7 @@ def write_rule(rule: Callable[..., Any], num: int) -> str:
         rule: gets operators and `num` numbers; returns a number or several.
     """
     script = Script(num)
-    found = rule(_COperators(script), *script.given)
+    found = rule(COperators(script), *script.given)
     results = found if isinstance(found, Sequence) else (found,)
     arguments = ", ".join(f"D {term.name}" for term in script.given)
     lines = [f"D {line};" for line in script.lines[1:]] + [f"o[{i}] = {term.name};" for i, term in enumerate(results)]
@@ -391,14 +399,15 @@ def write_source(files: Sequence[str]) -> str:
     constants = {name: getattr(module, name) for module, names in _CONSTANTS.items() for name in names.split()}
     defined = [f"#define {name} {_literal(value)}\n" for name, value in (constants | _MORE_CONSTANTS).items()]
     structs = [
-        _write_struct("K", NUMBERS, ARRAYS),
-        _write_struct("P", PAIR_NUMBERS, PAIR_ARRAYS),
-        _write_struct("W", PEOPLE_NUMBERS, _PEOPLE_ARRAYS),
+        write_struct("K", NUMBERS, ARRAYS),
+        write_struct("P", PAIR_NUMBERS, PAIR_ARRAYS),
+        write_struct("W", PEOPLE_NUMBERS, _PEOPLE_ARRAYS),
     ]
     return "".join([_HEAD, *defined, *structs, *(write_rule(*rule) for rule in _RULES.items()), *files])
 
 
-def _write_struct(name: str, numbers: Sequence[str], arrays: Mapping[str, str]) -> str:
+def write_struct(name: str, numbers: Sequence[str], arrays: Mapping[str, str]) -> str:
+    """Return a structure of whole numbers and of arrays, which have the types of their numbers."""
     fields = [f"I {number};" for number in numbers] + [f"{kind} *{array};" for array, kind in arrays.items()]
     return "typedef struct {\n" + "".join(f"  {field}\n" for field in fields) + f"}} {name};\n"
 

@@ -61,6 +61,7 @@ class CompiledLoops(Protocol):
     find_places: Callable[[int], None]
     look_at_kerbs: Callable[[int], int]
     mind_kerbs: Callable[[int, int], None]
+    drive_cars: Callable[[int, int], None]
     list_headings: Callable[[int], None]
     look_at_lanes: Callable[[int], int]
     judge_egos: Callable[[int], int]

@@ -36,18 +36,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
-from typing import Final
+from typing import Final, Protocol, TypeVar
 
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.entity_arrays import FLOATS as COLUMNS
-from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder, Value
+from rosbridge_sim.world.state.loop_maker import LoopMaker
+from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder
 from rosbridge_sim.world.state.row_program import MovedRows, RowProgram
-from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode
+from rosbridge_sim.world.state.world import DT, BoolArray, Dynamics, Kind, Mode
 from rosbridge_sim.world.state.world_rows import WorldRows
-from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOperators
+from rosbridge_sim.world.state.written_equations import Script, WrittenOperators
 from rosbridge_sim.world.vehicle.ground import find_friction
+from rosbridge_sim.world.vehicle.operators import Operators, V
 from rosbridge_sim.world.vehicle.single_track import advance, make_car
 
 ULP_PI: Final = math.ulp(math.pi)
@@ -56,11 +58,16 @@ ULP_PI: Final = math.ulp(math.pi)
 FEW: Final = 4
 """Up to this number of rows, single floats are faster than arrays: 20 us for each row, or 150 us for all."""
 
-_FIRST, _LAST = "front_load", "speed"
-"""First and last of the columns that the single track model knows."""
+FIRST, LAST = "front_load", "speed"
+RESULTS: Final = ("rear_steer", "roll"), ("throttle", "speed")
+_BODY: Final = ("front_load", "engine_drag"), ("wheelbase", "drag")
+_STATE: Final = ("rear_steer_cmd", "steer_cmd"), ("throttle", "speed")
+"""First and last of the columns that the single track model knows, those that it changes, of bodies, and the others."""
 
 _LINES: Final = {name: line for line, name in enumerate(COLUMNS)}
-_JERK_LIMIT: Final = _LINES["jerk_limit"] - _LINES[_FIRST]
+_JERK_LIMIT: Final = _LINES["jerk_limit"] - _LINES[FIRST]
+
+T = TypeVar("T")
 
 TINY: Final = 1e-150
 """Added to h, so that sin(h) / h is TINY / TINY = 1 at h = 0; any other h keeps all its bits."""
@@ -84,17 +91,36 @@ def _find_driven(world: WorldRows) -> IntArray:
     return is_driven.nonzero()[0]
 
 
+class CarLoops(Protocol):
+    """Loops that move the driven rows of the single track model by `DT`, see `kernels.car_kernel`."""
+
+    def advance(self) -> None:
+        """Move the rows."""
+
+
+CAR_LOOPS: Final = LoopMaker[Callable[[WorldRows, IntArray], CarLoops]]()
+"""The loops that move driven rows, from the next step of each world on."""
+
+
 class _SingleTrack(MovedRows):
     """The driven rows of the single track model. It lives until the next `World.touch`."""
 
     def __init__(self, world: WorldRows) -> None:
         super().__init__(world, _find_driven(world))
+        self._make: Callable[[WorldRows, IntArray], CarLoops] | None = None
+        self._loops: CarLoops | None = None
 
     def advance(self, dt: float) -> None:
         """Move the rows by `dt` [s]."""
+        find_friction(self.world, self.rows)
+        if CAR_LOOPS.make is not self._make:
+            self._make = CAR_LOOPS.make
+            self._loops = None if self._make is None else self._make(self.world, self.rows)
+        if self._loops is not None and dt == DT:
+            self._loops.advance()
+            return
         if dt != self.dt:
             self._prepare(dt)
-        find_friction(self.world, self.rows)
         if self.num > FEW:
             self.program.run()
         else:
@@ -107,8 +133,8 @@ class _SingleTrack(MovedRows):
             self._write_program()
             return
         world = self.world
-        self._inputs = world.block(_FIRST, _LAST)
-        self._outputs = world.block("rear_steer", "roll"), world.block("throttle", "speed")
+        self._inputs = world.block(FIRST, LAST)
+        self._outputs = [world.block(*columns) for columns in RESULTS]
         self._cell = np.zeros(1)
         self._last: dict[int, tuple[bytes, FloatArray, FloatArray]] = {}
         self._advance = [
@@ -116,25 +142,12 @@ class _SingleTrack(MovedRows):
         ]
 
     def _write_program(self) -> None:
-        program = self.program = RowProgram(self.world, self.rows, "front_load", "speed", written_from="rear_steer")
+        program = self.program = RowProgram(self.world, self.rows, FIRST, LAST, written_from=RESULTS[0][0])
         recorder = EquationRecorder(program.num)
-
-        def columns(first: str, last: str) -> list[FloatArray]:
-            return list(program.values[COLUMNS.index(first) : COLUMNS.index(last) + 1])
-
-        def given(first: str, last: str) -> list[Value]:
-            return [recorder.given(column) for column in columns(first, last)]
-
-        car = make_car(
-            RECORDED,
-            given("front_load", "engine_drag"),
-            given("wheelbase", "drag"),
-            self.dt,
-            is_stable=self.world.has_stability_control,
-        )
-        now = given("rear_steer_cmd", "steer_cmd") + given("throttle", "speed")
-        after = advance(RECORDED, car, now, self.dt)
-        recorder.finish(program, after, columns("rear_steer", "roll") + columns("throttle", "speed"))
+        given = [recorder.given(column) for column in program.values]
+        after = find_after(RECORDED, given, self.dt, is_stable=self.world.has_stability_control)
+        targets = [column for columns in RESULTS for column in columns_from(list(program.values), *columns)]
+        recorder.finish(program, after, targets)
 
     def _advance_floats(self) -> None:
         inputs, (state, pose), cell = self._inputs, self._outputs, self._cell
@@ -153,7 +166,7 @@ class _SingleTrack(MovedRows):
 def _write_advance(
     dt: float, *, is_stable: bool, has_controller: bool
 ) -> Callable[[Sequence[float], FloatArray], tuple[float, ...]]:
-    """Return the equations of one car as one function of the columns `_FIRST` to `_LAST`; see `Script.compile`.
+    """Return the equations of one car as one function of the columns `FIRST` to `LAST`; see `Script.compile`.
 
     Args:
         dt: length of a step [s].
@@ -162,15 +175,26 @@ def _write_advance(
     Returns:
         A function that returns the columns `rear_steer` to `roll`, then `throttle` to `speed`.
     """
-    script = Script(_LINES[_LAST] - _LINES[_FIRST] + 1)
-
-    def given(first: str, last: str) -> list[Term]:
-        return script.given[_LINES[first] - _LINES[_FIRST] : _LINES[last] - _LINES[_FIRST] + 1]
-
+    script = Script(_LINES[LAST] - _LINES[FIRST] + 1)
     do = WrittenOperators(script, is_any=has_controller)
-    car = make_car(do, given("front_load", "engine_drag"), given("wheelbase", "drag"), dt, is_stable=is_stable)
-    now = given("rear_steer_cmd", "steer_cmd") + given("throttle", "speed")
-    return script.compile(advance(do, car, now, dt))
+    return script.compile(find_after(do, script.given, dt, is_stable=is_stable))
+
+
+def columns_from(columns: Sequence[T], first: str, last: str) -> Sequence[T]:
+    """Return those of the columns `FIRST` to `LAST` from one to another one."""
+    return columns[_LINES[first] - _LINES[FIRST] : _LINES[last] - _LINES[FIRST] + 1]
+
+
+def find_after(do: Operators[V], given: Sequence[V], dt: float, *, is_stable: bool) -> Sequence[V]:
+    """Return the columns `RESULTS` one step later.
+
+    Args:
+        given: the columns `FIRST` to `LAST`.
+        dt: length of the step [s].
+    """
+    body, limits = (list(columns_from(given, *names)) for names in _BODY)
+    now = [value for names in _STATE for value in columns_from(given, *names)]
+    return advance(do, make_car(do, body, limits, dt, is_stable=is_stable), now, dt)
 
 
 class _Driven(MovedRows):

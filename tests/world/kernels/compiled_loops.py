@@ -22,6 +22,8 @@ from rosbridge_sim.shell.kernels.compiler import (
 )
 from rosbridge_sim.world.contacts.collisions import PAIR_LOOPS
 from rosbridge_sim.world.followers.lane_following import LANE_LOOPS, LaneFollowers
+from rosbridge_sim.world.geometry.planar import IntArray
+from rosbridge_sim.world.kernels.car_kernel import CarKernel
 from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
@@ -30,6 +32,7 @@ from rosbridge_sim.world.people.people import PEOPLE_LOOPS, People
 from rosbridge_sim.world.scoring import SCORE_LOOPS
 from rosbridge_sim.world.state.loop_maker import LoopMaker
 from rosbridge_sim.world.state.world_rows import WorldRows
+from rosbridge_sim.world.vehicle.dynamics import CAR_LOOPS
 
 
 def compiler() -> tuple[str, ...]:
@@ -59,6 +62,11 @@ def make_kernel() -> Callable[[LaneFollowers], LaneKernel]:
 
 
 @cache
+def make_car_kernel() -> Callable[[WorldRows, IntArray], CarKernel]:
+    return partial(CarKernel, library())
+
+
+@cache
 def make_pair_kernel() -> Callable[..., PairKernel]:
     return partial(PairKernel, library())
 
@@ -74,6 +82,7 @@ def make_score_kernel() -> Callable[[WorldRows], ScoreKernel]:
 
 
 MAKERS: tuple[tuple[LoopMaker[Any], Callable[[], Any]], ...] = (
+    (CAR_LOOPS, make_car_kernel),
     (LANE_LOOPS, make_kernel),
     (PAIR_LOOPS, make_pair_kernel),
     (PEOPLE_LOOPS, make_people_kernel),
@@ -84,7 +93,7 @@ MAKERS: tuple[tuple[LoopMaker[Any], Callable[[], Any]], ...] = (
 
 @contextmanager
 def with_loops(*, are_there: bool = True) -> Iterator[None]:
-    """All worlds are driven, their pairs watched and their egos judged by loops; else by arrays."""
+    """All worlds are driven, their pairs watched and their egos moved and judged by loops; else by arrays."""
     before = [place.make for place, _ in MAKERS]
     for place, maker in MAKERS:
         place.make = maker() if are_there else None

@@ -1,0 +1,120 @@
+"""The equations of the single track model in C, of the text of `single_track`, in stages.
+
+Between two stages numpy makes sines, cosines and arc tangents of arrays. A stage has all equations that need no more
+than those made before. What a later stage needs is kept in rows of an array, a row for each number.
+"""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+from rosbridge_sim.world.kernels.c_source import COperators, write_struct
+from rosbridge_sim.world.state.entity_arrays import FLOATS
+from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.written_equations import Script, Term
+from rosbridge_sim.world.vehicle.dynamics import FIRST, LAST, RESULTS, columns_from, find_after
+
+_NAMES: Final = re.compile(r"\b[ab]\d+\b")
+_CALL: Final = re.compile(r"(sin|cos|arctan) (\w+)")
+
+CAR_FIELDS: Final = ("n", "stride"), {"now": "D", "kept": "D", "args": "D", "found": "D", "rows": "I"}
+"""Whole numbers and arrays of the structure that the stages get: columns, rows of numbers, and rows of cars."""
+
+
+class CarStages(NamedTuple):
+    """The stages.
+
+    Attributes:
+        bodies: the text of each, for car i in row r.
+        calls: before each further one, functions of numpy with the first and last of the rows of `args` that they take.
+        num_kept, num_args: rows that they need.
+    """
+
+    bodies: list[str]
+    calls: list[list[tuple[str, int, int]]]
+    num_kept: int
+    num_args: int
+
+
+class _CarOperators(COperators):
+    """The functions of `operators.Operators` in C; those of numpy are marks for `car_stages`."""
+
+    def is_any(self, _a: Term, /) -> bool:
+        return True
+
+    def magnitude(self, a: Term, /) -> Term:
+        return self._script.write("fabs({})", a)
+
+    def wrap(self, a: Term, /) -> Term:
+        return self._script.write("{0} > -PI && {0} <= PI ? {0} : wrap({0})", a)
+
+    def sin(self, a: Term, /) -> Term:
+        return self._script.write("sin {}", a)
+
+    def cos(self, a: Term, /) -> Term:
+        return self._script.write("cos {}", a)
+
+    def arctan(self, a: Term, /) -> Term:
+        return self._script.write("arctan {}", a)
+
+
+@cache
+def car_stages(*, is_stable: bool) -> CarStages:
+    """Return the stages, with or without stability control."""
+    columns = FLOATS[FLOATS.index(FIRST) : FLOATS.index(LAST) + 1]
+    script = Script(len(columns))
+    after = find_after(_CarOperators(script), script.given, DT, is_stable=is_stable)
+    lines = dict(line.split(" = ", 1) for line in script.lines[1:])
+    calls = {name: found.groups() for name, text in lines.items() if (found := _CALL.fullmatch(text))}
+    stage = {term.name: 0 for term in script.given}
+    for name, text in lines.items():
+        stage[name] = max((stage[each] for each in _NAMES.findall(text)), default=0) + (name in calls)
+    last = max(stage.values())
+    order = sorted(calls, key=lambda name: (stage[name], calls[name][0]))
+    places = {name: f"e->found[{i} * e->n + i]" for i, name in enumerate(order)}
+    places |= {term.name: f"e->now[{i} * e->stride + r]" for i, term in enumerate(script.given)}
+    targets = [
+        place for names in RESULTS for place in columns_from([places[term.name] for term in script.given], *names)
+    ]
+    used = [
+        {
+            each
+            for name, text in lines.items()
+            if stage[name] == s and name not in calls
+            for each in _NAMES.findall(text)
+        }
+        | {calls[name][1] for name in order if stage[name] == s + 1}
+        | {term.name for term in after if s == last}
+        for s in range(last + 1)
+    ]
+    later = sorted({name for s, names in enumerate(used) for name in names if stage[name] < s and name not in places})
+    places |= {name: f"e->kept[{i} * e->n + i]" for i, name in enumerate(later)}
+    bodies = []
+    for s, names in enumerate(used):
+        own = [name for name in lines if stage[name] == s and name not in calls]
+        body = [f"D {name} = {places[name]};" for name in sorted(names) if name not in own]
+        body += [f"D {name} = {lines[name]};" for name in own]
+        body += [f"{places[name]} = {name};" for name in later if stage[name] == s]
+        body += [f"e->args[{i} * e->n + i] = {calls[name][1]};" for i, name in enumerate(order) if stage[name] == s + 1]
+        body += [f"{place} = {term.name};" for place, term in zip(targets, after, strict=True) if s == last]
+        bodies.append("".join(f"    {line}\n" for line in body))
+    kinds = [(stage[name], calls[name][0]) for name in order]
+    starts = [i for i, kind in enumerate(kinds) if not i or kind != kinds[i - 1]]
+    runs = [(*kinds[a], a, b) for a, b in pairwise([*starts, len(kinds)])]
+    groups = [[(function, a, b) for at, function, a, b in runs if at == s] for s in range(1, last + 1)]
+    return CarStages(bodies, groups, len(later), len(order))
+
+
+def write_cars() -> str:
+    """Return the functions of all stages, and the one that calls them by number: first those without control."""
+    bodies = [body for is_stable in (False, True) for body in car_stages(is_stable=is_stable).bodies]
+    loop = "  for (I i = 0, r; i < e->n; i++) {\n    r = e->rows[i];\n"
+    text = [f"static void car_{i}(const E *e) {{\n{loop}{body}  }}\n}}\n" for i, body in enumerate(bodies)]
+    names = ", ".join(f"car_{i}" for i in range(len(bodies)))
+    table = f"static void (*const CARS[])(const E *) = {{{names}}};\n"
+    return "".join(
+        [write_struct("E", *CAR_FIELDS), *text, table, "EXPORT void drive_cars(E *e, I stage) { CARS[stage](e); }\n"]
+    )
