@@ -42,7 +42,7 @@ from typing import IO, Any, NamedTuple, NoReturn, Self
 
 from tests.cpu_time import communicate
 
-__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "pids", "popen", "run", "start", "use"]
+__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "pids", "popen", "run", "server", "start", "use"]
 
 _ROOT = Path(__file__).parent.parent
 
@@ -184,7 +184,7 @@ def start(
     module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes], channel: int | None = None
 ) -> ForkedProgram:
     """Start `python -m MODULE WORDS...` in the project's folder, with its stdout in a pipe, and perhaps a `CHANNEL`."""
-    return _server().start(["-m", module, *words], env=env, stderr=stderr.fileno(), channel=channel)
+    return server().start(["-m", module, *words], env=env, stderr=stderr.fileno(), channel=channel)
 
 
 def popen(
@@ -208,7 +208,7 @@ def popen(
     """
     error = stderr if isinstance(stderr, int) else stderr.fileno()
     words = [*map(str, command)]
-    return _server().start(
+    return server().start(
         words, env=os.environ if env is None else env, stdin=stdin, stdout=stdout, stderr=error, cwd=cwd
     )
 
@@ -320,7 +320,8 @@ def pids() -> list[int]:
     return [server.pid for server in _servers]
 
 
-def _server() -> ForkServer:
+def server() -> ForkServer:
+    """The one of this process of tests, started when it is first wanted."""
     if not _servers:
         use(ForkServer())
     return _servers[0]

@@ -56,7 +56,7 @@ def test_killed_program_has_the_number_of_its_signal(tmp_path: Path) -> None:
 
 def test_server_forked_of_another_ends_alone_and_with_it_what_it_started(tmp_path: Path) -> None:
     with (tmp_path / "log").open("wb") as stderr:
-        origin = fork_server.ForkServer()
+        origin = fork_server.ForkServer(fork_server.server())
         own = fork_server.ForkServer(origin)
         serve = ["-m", "rosbridge_sim", "serve", "--port", "0", "--no-world"]
         program = own.start(serve, env=os.environ, stderr=stderr.fileno())

@@ -151,7 +151,7 @@ def draw_thumbnail(road_map: RoadMap, width: int, height: int, agents: Sequence[
     for agent in agents:
         _draw_agent(pen, view, agent)
     out = BytesIO()
-    image.resize((width, height), Image.Resampling.LANCZOS).save(out, "PNG")
+    image.reduce(FINE).save(out, "PNG")
     return out.getvalue()
 
 
@@ -178,7 +178,7 @@ def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
     top = height - 60 * FINE if num_lines > 1 else height - 34 * FINE
     _draw_scale(pen, view, top)
     _draw_legend(pen, legend, places, top)
-    return image.resize((image.width // FINE, image.height // FINE), Image.Resampling.LANCZOS)
+    return image.reduce(FINE)
 
 
 def _draw_ground(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap, kinds: _Kinds) -> None:
