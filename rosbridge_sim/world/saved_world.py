@@ -265,10 +265,13 @@ class _Reader:
         for i in np.flatnonzero(~is_finite.all(axis=1)).tolist():
             is_allowed = FLOATS[i] in _MAY_BE_INFINITE and bool((is_finite[i] | np.isinf(floats[i])).all())
             _expect(is_allowed, f"floats.{FLOATS[i]}", f"figures within +-{MAX_FIGURE:g}")
-        for name in ("x", "y", "z"):
-            column = floats[FLOATS.index(name)]
-            # A step may move an entity past the bound that holds for a placement.
-            _expect(bool((np.abs(column) <= 2 * MAX_COORDINATE).all()), f"floats.{name}", "a place on the map")
+        way = floats[FLOATS.index("arc")] - floats[FLOATS.index("leg_start")]
+        for name in "xyz":
+            by_leg = floats[FLOATS.index(f"leg_{name}")] + way * floats[FLOATS.index(f"leg_d{name}")]
+            for place in (floats[FLOATS.index(name)], by_leg):
+                # A step may move an entity past the bound that holds for a placement.
+                is_near = np.abs(place) <= 2 * MAX_COORDINATE
+                _expect(bool(is_near.all()), f"floats.{name}", "a place on the map")
         for name in LANE_CHANGE_COLUMNS:
             is_near = np.abs(floats[FLOATS.index(name)]) <= MAX_OFFSET
             _expect(bool(is_near.all()), f"floats.{name}", f"figures within +-{MAX_OFFSET:g}")

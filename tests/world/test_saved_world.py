@@ -9,6 +9,7 @@ import pytest
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import FLOATS, INTS
 from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, car, road
 
 
@@ -66,4 +67,19 @@ def test_columns_that_follow_from_others_are_theirs(column: str, row: int, figur
     from_plain(data, world.roads, world.signals.plan)
     data["floats"][FLOATS.index(column), row] = figure
     with pytest.raises(ValueError, match=rf"floats\.{column}"):
+        from_plain(data, world.roads, world.signals.plan)
+
+
+@pytest.mark.parametrize(
+    ("column", "figure", "told"),
+    [("arc", -1e15, "x"), ("leg_start", 1e15, "x"), ("leg_x", 3e9, "x"), ("leg_dy", 1e14, "y"), ("leg_z", -1e15, "z")],
+)
+def test_leg_of_a_path_leads_along_places_on_the_map(column: str, figure: float, told: str) -> None:
+    """Else a step would put the driver where no snapshot may have it, and that one could not be restored."""
+    world = some_world()
+    step(world)
+    data = to_plain(world.snapshot())
+    from_plain(data, world.roads, world.signals.plan)
+    data["floats"][FLOATS.index(column), DRIVER] = figure
+    with pytest.raises(ValueError, match=rf"floats\.{told}: expected a place on the map"):
         from_plain(data, world.roads, world.signals.plan)
