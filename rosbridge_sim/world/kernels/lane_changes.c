@@ -296,16 +296,19 @@ static void end_changes(K *k) {
   }
 }
 
-/* lane_change_passing.find_blocked, for one that does not pull out and has a moving vehicle ahead: whether it is. */
-static int is_in_the_way(const K *k, I i, I r, D gap, D lead_speed, D speed) {
-  D across = fabs(k->lateral_from[r] - k->lateral_to[r]), way, time, side;
+/* Whether a driver looks closely at what is ahead, which is for numpy: its vehicle pulls out, or that stands. */
+static int looks_closely(D gap, D lead_speed, int is_tight) { return is_tight || (gap < SEEN && lead_speed < STANDS); }
+
+/* lane_change_passing.find_blocked, for one that does not look closely: whether it is. */
+static int is_in_the_way(const K *k, I i, D across, D done, D gap, D lead_speed, D speed) {
+  D way, time, side;
   speed = most(speed, CREEP);
   D closing = speed - lead_speed, driven = closing > 0.0 ? most(gap, 0.0) * speed / closing : INFINITY;
   shift_length(&way, k->body_length[i], across);
   shift_time(&time, k->change_time[i], speed);
   way = most(way, time * speed);
-  D part = least(1.0 - k->lateral_left[r] + driven / way, 1.0);
-  side_in_shift(&side, across, 0.0, way, part, k->nose[i], k->half_width[r]);
+  D part = least(done + driven / way, 1.0);
+  side_in_shift(&side, across, 0.0, way, part, k->nose[i], k->half_width[k->rows[i]]);
   return !(side > CORRIDOR) && !isinf(gap);
 }
 
@@ -321,13 +324,14 @@ static I mind_old_lanes(K *k) {
       way = k->length[lane] - k->left_s[j];
     }
     D gap = way + k->q_tail[after] - k->nose[i], lead_speed = k->q_speed[after], speed = k->speed[r], brakes;
-    if (k->lateral_bend[r] != 0.0 || (gap < SEEN && lead_speed < STANDS)) {
+    if (looks_closely(gap, lead_speed, k->lateral_bend[r] != 0.0)) {
       k->looking[num++] = j;
       continue;
     }
-    if (is_in_the_way(k, i, r, gap, lead_speed, speed + FASTER_SOON * most(k->left_accel[j], 0.0)))
+    D across = fabs(k->lateral_from[r] - k->lateral_to[r]), done = 1.0 - k->lateral_left[r];
+    if (is_in_the_way(k, i, across, done, gap, lead_speed, speed + FASTER_SOON * most(k->left_accel[j], 0.0)))
       k->wanted[i] = least(k->wanted[i], 0.0);
-    if (!is_in_the_way(k, i, r, gap, lead_speed, speed)) continue;
+    if (!is_in_the_way(k, i, across, done, gap, lead_speed, speed)) continue;
     D needed = most(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * most(gap, CREEP));
     brakes = follow_as_mean(speed, k->desired_now[i], gap, lead_speed);
     k->wanted[i] = least(k->wanted[i], most(brakes, -least(most(needed, FIRM), HARDEST)));
@@ -346,6 +350,15 @@ EXPORT I accelerate(K *k) {
   return mind_old_lanes(k);
 }
 
+/* Whether a driver begins its change, if it is clear of what is ahead. */
+static int may_begin(const K *k, I i, const Look *look) {
+  I r = k->rows[i];
+  const Option *option = &look->options[look->side];
+  int has_signalled = k->signal[r] == look->side + 1 && k->frame[i] - k->change_since[r] >= SIGNAL_FRAMES;
+  int may = option->is_there && option->is_safe && look->is_slow && look->side == k->decision[i] % NUM_SIDES;
+  return look->reason != NONE && has_signalled && may;
+}
+
 /* What drivers want. Returns how many looks need numpy's answer whether they are clear: at, side, is_tight. */
 EXPORT I look_at_lanes_beside(K *k) {
   I num = 0;
@@ -362,9 +375,14 @@ EXPORT I look_at_lanes_beside(K *k) {
   }
   Look *looks = k->looks;
   for (I j = 0; j < k->num_looks; j++) {
-    look_beside(k, k->looking[j], &looks[j]);
-    if (looks[j].reason == NONE || looks[j].is_inside) continue;
-    k->at[num] = j, k->side[num] = looks[j].side, k->is_tight[num++] = looks[j].is_tight;
+    I i = k->looking[j];
+    Look *look = &looks[j];
+    look_beside(k, i, look);
+    int opens_gap = look->reason >= ROUTE && look->options[look->side].follower >= 0;
+    if (look->reason == NONE || look->is_inside || !(opens_gap || may_begin(k, i, look))) continue;
+    if (looks_closely(k->gap[i], k->lead_speed[i], look->is_tight))
+      k->at[num] = j, k->side[num] = look->side, k->is_tight[num++] = look->is_tight;
+    else look->is_clear = !is_in_the_way(k, i, LANE_WIDTH, 0.0, k->gap[i], k->lead_speed[i], look->speed);
   }
   return num;
 }
@@ -399,11 +417,9 @@ EXPORT I signal_changes(K *k, I num) {
     Look *look = &looks[j];
     Option *option = &look->options[look->side];
     I shows = look->reason != NONE ? look->side + 1 : 0;
-    int is_new = shows != k->signal[r];
-    I since = is_new ? k->frame[i] : k->change_since[r], waited = k->frame[i] - since;
+    int begins = may_begin(k, i, look) && look->is_clear;
+    I since = shows != k->signal[r] ? k->frame[i] : k->change_since[r], waited = k->frame[i] - since;
     k->change[r] = look->reason, k->signal[r] = shows, k->change_since[r] = since;
-    int may = option->is_there && option->is_safe && look->is_clear && look->is_slow;
-    int begins = shows && !is_new && waited >= SIGNAL_FRAMES && may && look->side == k->decision[i] % NUM_SIDES;
     if (look->reason >= ROUTE && !begins && option->is_there && !look->is_inside) open_gaps(k, i, look, waited);
     if (look->reason == AROUND && !begins) keep_room(k, i, look);
     if (begins) k->at[begun] = i, k->side[begun] = look->side, k->is_tight[begun++] = look->is_tight;

@@ -167,7 +167,10 @@ def find_edges(world: WorldRows, shifts: Shifts) -> Edges:
     own = shifts.rows[which]
     alive = world.alive.nonzero()[0]
     worlds = world.worlds_of(own, alive)
-    if worlds is None:
+    if worlds is None and len(own) * len(alive) <= MAX_PAIRS // 4:  # a third of the time of a sort
+        i, near = (np.abs(world.x[alive] - world.x[own][:, None]) < SEEN).nonzero()
+        near = alive[near]
+    elif worlds is None:
         alive = alive[world.x[alive].argsort(kind="stable")]
         x = world.x[alive]
         first, last = x.searchsorted(world.x[own] - SEEN), x.searchsorted(world.x[own] + SEEN, side="right")
