@@ -134,7 +134,7 @@ OF_SEGMENTS: Final[Mapping[str, str]] = {
 """The lanes of the map as scores see them: segments, what is known of cells, edges that count, and stop lines."""
 
 OF_BLOCKS: Final[Mapping[str, str]] = {
-    "D": "block_low block_high kept_cost",
+    "D": "block_low block_high block_away kept_cost",
     "I": "block_first block_size cells cell_segment used",
 }
 """Boxes of segments, and what is kept of cells: the numbers of cells and of their segments last."""

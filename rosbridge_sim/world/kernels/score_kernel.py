@@ -73,6 +73,7 @@ class _Cells:
             "block_high": high,
             "block_first": first,
             "block_size": size,
+            "block_away": np.zeros(len(first)),
             "kept_cost": np.zeros(MAX_SEGMENTS),
             "cells": np.zeros(CELL_PLACES * CELL_WORDS, dtype=np.int64),
             "cell_segment": np.zeros(MAX_SEGMENTS, dtype=np.int64),

@@ -4,13 +4,20 @@
 
 typedef struct { I segment; D along, lateral, distance; } Foot;
 
-/* LaneSegments.project */
-static inline Foot project(const K *k, I segment, D x, D y) {
+static inline Foot foot_on(const K *k, I segment, D x, D y, D *beyond) {
   D east = x - k->segment_start[2 * segment], north = y - k->segment_start[2 * segment + 1];
   D along_x = k->segment_direction[2 * segment], along_y = k->segment_direction[2 * segment + 1];
   D full = east * along_x + north * along_y;
   Foot foot = {segment, least(most(full, 0.0), k->segment_length[segment]), north * along_x - east * along_y, 0.0};
-  foot.distance = hypot(full - foot.along, foot.lateral);
+  *beyond = full - foot.along;
+  return foot;
+}
+
+/* LaneSegments.project */
+static inline Foot project(const K *k, I segment, D x, D y) {
+  D beyond;
+  Foot foot = foot_on(k, segment, x, y, &beyond);
+  foot.distance = hypot(beyond, foot.lateral);
   return foot;
 }
 
@@ -30,41 +37,58 @@ static inline D from_block(const K *k, I block, D x, D y) {
   return east * east + north * north;
 }
 
-/* The least distance from a place to any segment. */
-static D find_least(const K *k, D x, D y) {
-  D found = INFINITY;
-  for (I block = 0; block < k->num_blocks; block++)
-    if (from_block(k, block, x, y) < found * found)
-      for (I j = 0; j < k->block_size[block]; j++) found = least(found, project(k, k->block_first[block] + j, x, y).distance);
-  return found;
+/* The middle of a cell and of its sector of headings. */
+typedef struct { D x, y, z, cos_, sin_; } Middle;
+
+/* Least and greatest score of a segment anywhere in a cell and its sector; see SegmentCells. Rounding is within MORE. */
+static inline D find_costs(const K *k, const Middle *cell, I segment, D *most_cost) {
+  const D reach = CORNER * MORE, cos_half = cos(PI / SECTORS * MORE), sin_half = sin(PI / SECTORS * MORE);
+  D beyond;
+  Foot foot = foot_on(k, segment, cell->x, cell->y, &beyond);
+  D distance = sqrt(beyond * beyond + foot.lateral * foot.lateral);
+  const D *direction = k->segment_direction + 2 * segment;
+  D along = cell->cos_ * direction[0] + cell->sin_ * direction[1];
+  D across = fabs(cell->cos_ * direction[1] - cell->sin_ * direction[0]);
+  D with = along > cos_half ? 1.0 : along * cos_half + across * sin_half;
+  D against = along < -cos_half ? -1.0 : along * cos_half - across * sin_half;
+  D least_cost = most(distance - reach, 0.0) + TURN_COST * (1.0 - with);
+  *most_cost = distance + reach + TURN_COST * (1.0 - against);
+  if (!k->is_flat) {
+    D slope = k->segment_slope[segment], more = (0.5 * CELL_LEVEL + fabs(slope) * reach) * MORE;
+    D rise = fabs(k->segment_height[segment] + foot.along * slope - cell->z);
+    least_cost += HEIGHT_COST * most(rise - more - SAME_HEIGHT, 0.0);
+    *most_cost += HEIGHT_COST * most(rise + more - SAME_HEIGHT, 0.0);
+  }
+  return least_cost;
 }
 
 /* SegmentCells.look_at and look_around: keep the segments that count in a cell of this key. `sector` is -1 for the lanes around.
    A bound that is a little greater only keeps more. Returns the cell; none if there is no room left. */
 static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
-  D x = CELL * ((D)(east - MAX_NUMBER) + 0.5), y = CELL * ((D)(north - MAX_NUMBER) + 0.5);
-  D z = CELL_LEVEL * ((D)(level - MAX_LEVEL) + 0.5), angle = ((D)sector + 0.5) * (FULL_TURN / SECTORS) - PI;
-  D reach = CORNER * MORE, half = PI / SECTORS * MORE, bound = INFINITY;
-  D far = sector < 0 ? (NEAR_LANES + CORNER) * MORE : INFINITY;
-  if (sector >= 0 && k->is_flat) far = (find_least(k, x, y) + 2.0 * (TURN_COST + reach)) * MORE;
-  I first = k->used[1], num = 0;
+  Middle cell = {CELL * ((D)(east - MAX_NUMBER) + 0.5), CELL * ((D)(north - MAX_NUMBER) + 0.5), 0.0, 0.0, 0.0};
+  D angle = ((D)sector + 0.5) * (FULL_TURN / SECTORS) - PI, reach = CORNER * MORE, bound = INFINITY, most_cost;
+  cell.z = CELL_LEVEL * ((D)(level - MAX_LEVEL) + 0.5);
+  cell.cos_ = cos(angle);
+  cell.sin_ = sin(angle);
+  I first = k->used[1], num = 0, nearest = 0;
   for (I block = 0; block < k->num_blocks; block++) {
-    if (from_block(k, block, x, y) > far * far * MORE) continue;
+    k->block_away[block] = from_block(k, block, cell.x, cell.y);
+    if (k->block_away[block] < k->block_away[nearest]) nearest = block;
+  }
+  for (I j = 0; j < k->block_size[nearest]; j++) {
+    find_costs(k, &cell, k->block_first[nearest] + j, &most_cost);
+    bound = least(bound, most_cost);
+  }
+  for (I block = 0; block < k->num_blocks; block++) {
+    D far = (sector < 0 ? NEAR_LANES + CORNER : bound + reach) * MORE;
+    if (k->block_away[block] > far * far * MORE) continue;
     for (I j = 0; j < k->block_size[block]; j++) {
       I segment = k->block_first[block] + j;
-      Foot foot = project(k, segment, x, y);
-      if (foot.distance > far) continue;
       D least_cost = 0.0;
-      if (sector >= 0) {
-        D turn = fabs(wrap(k->segment_angle[segment] - angle));
-        least_cost = most(foot.distance - reach, 0.0) + TURN_COST * (1.0 - cos(most(turn - half, 0.0)));
-        D most_cost = foot.distance + reach + TURN_COST * (1.0 - cos(least(turn + half, PI)));
-        if (!k->is_flat) {
-          D slope = k->segment_slope[segment], more = (0.5 * CELL_LEVEL + fabs(slope) * reach) * MORE;
-          D rise = fabs(k->segment_height[segment] + foot.along * slope - z);
-          least_cost += HEIGHT_COST * most(rise - more - SAME_HEIGHT, 0.0);
-          most_cost += HEIGHT_COST * most(rise + more - SAME_HEIGHT, 0.0);
-        }
+      if (sector < 0) {
+        if (project(k, segment, cell.x, cell.y).distance > far) continue;
+      } else {
+        least_cost = find_costs(k, &cell, segment, &most_cost);
         bound = least(bound, most_cost);
         if (least_cost > bound * MORE + 1e-9) continue;
       }
@@ -80,11 +104,11 @@ static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
   k->used[0]++;
   I at = (I)(mix((uint64_t)key) % NUM_PLACES);
   while (k->cells[CELL_WORDS * at]) at = (at + 1) % NUM_PLACES;
-  I *cell = k->cells + CELL_WORDS * at;
-  cell[0] = key;
-  cell[1] = first;
-  cell[2] = left;
-  return cell;
+  I *place = k->cells + CELL_WORDS * at;
+  place[0] = key;
+  place[1] = first;
+  place[2] = left;
+  return place;
 }
 
 /* A cell, which is filled if it is new; none if there is no room left. */
