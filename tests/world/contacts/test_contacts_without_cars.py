@@ -52,8 +52,8 @@ def test_pairs_with_a_car_are_left_to_the_world() -> None:
 def test_a_crowd_has_the_pairs_of_a_look_at_each_two() -> None:
     random = np.random.default_rng(3)
     world, alone = World(), []
-    for _ in range(60):
-        x, y, yaw = random.uniform((0.0, 0.0, -3.0), (8.0, 8.0, 3.0)).tolist()
+    for _ in range(30):
+        x, y, yaw = random.uniform((0.0, 0.0, -3.0), (4.0, 4.0, 3.0)).tolist()
         put(world, x, y, yaw)
         alone.append((x, y, yaw))
     expected = []
