@@ -17,6 +17,7 @@ from tests.world.kernels.compiled_loops import needs_compiler
 from tests.world.kernels.test_lane_kernel import check_both
 from tests.world.lane_drives import BUS
 from tests.world.road_factory import CAR, arc, line
+from tests.world.wide_roads import wide_road as beside
 
 pytestmark = needs_compiler
 
@@ -190,6 +191,30 @@ def test_decisions_of_few_are_the_same_from_any_state(seeds: range, part: Callab
 @pytest.mark.parametrize("seed", [177, 290, 335])  # of 400, those in which it matters
 def test_driver_on_a_rival_of_the_lane_that_it_asks_for_gets_the_same(seed: int) -> None:
     check_states(lay_out(hairpin), 4, range(seed, seed + 1))
+
+
+def overtaking(num: int) -> World:
+    """Pairs on the right one of two lanes: one drives up to the other, and has signalled to the left for long."""
+    world, rng = World(), np.random.default_rng(0)
+    world.lay_roads(beside(2, (120.0 * num,)))
+    world.frame = 1000
+    starts = []
+    for i in range(num):
+        at = 50.0 + 110.0 * i
+        for place, speed in ((at, rng.uniform(5.0, 14.0)), (at + rng.uniform(6.0, 30.0), rng.uniform(0.6, 6.0))):
+            row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=float(speed)))
+            starts.append(LaneStart(row, 1, float(place), desired_speed=30.0 if place == at else float(speed)))
+    keep_lanes(world, starts)
+    world.change[::2], world.signal[::2], world.change_since[::2] = 1, 1, 800
+    return world
+
+
+def test_drivers_behind_one_that_moves_begin_the_same_changes() -> None:
+    one, other = (overtaking(40) for _ in range(2))
+    check_both(one, other, 3)
+    num_begun = np.count_nonzero(one.leaving[::2])
+    assert 5 <= num_begun <= 35  # the others are too near to the one ahead
+    check_both(one, other, 30)
 
 
 @pytest.mark.parametrize("num", [5, 12, 30])
