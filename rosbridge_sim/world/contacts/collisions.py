@@ -114,7 +114,7 @@ class Foreseen(NamedTuple):
 
 
 class PairLoops(Protocol):
-    """Loops that watch the pairs of one world, see `kernels.pair_kernel`."""
+    """Loops that watch the pairs of one world or of many, see `kernels.pair_kernel`."""
 
     def watch(self, *, is_due: bool) -> Watch:
         """Take the poses as the step has ended, and say what is to be done; a list that `is_due` ends."""
@@ -130,7 +130,7 @@ class MakeLoops(Protocol):
     """Maker of `PairLoops`."""
 
     def __call__(self, world: WorldRows, rows: IntArray, foreseen: Foreseen, *, is_small: bool) -> PairLoops:
-        """Return the loops for the rows in use, in order of their ids."""
+        """Return the loops for the rows in use, in order of their ids; those of a world are neighbours."""
 
 
 PAIR_LOOPS: Final = LoopMaker[MakeLoops]()
@@ -195,9 +195,10 @@ class CollisionDetector:
 
     def _take_loops(self, make: MakeLoops | None) -> None:
         self._maker, self._loops = make, None
-        if make is not None and self._world_of_row is None:
+        if make is not None:
             foreseen = Foreseen(self.poses, self._seen, self._rate, self._margin, self._reach)
-            self._loops = make(self._world, self._rows, foreseen, is_small=self._may_meet is not None)
+            is_small = self._may_meet is not None or self._world_of_row is not None
+            self._loops = make(self._world, self._rows, foreseen, is_small=is_small)
 
     def _watch(self) -> bool:
         """Bring the list up to date, and return whether there are pairs on it."""

@@ -191,7 +191,7 @@ PAIR_NUMBERS: Final = [
 PAIR_COLUMNS: Final[Mapping[str, str]] = {"D": "half_length half_width centre"}
 _PAIR_TABLES: Final[Sequence[Mapping[str, str]]] = (
     PAIR_COLUMNS,
-    {"D": "now poses seen rate margin reach unit_x unit_y", "I": "rows pairs wide head", "B": "is_car"},
+    {"D": "now poses seen rate margin reach unit_x unit_y", "I": "rows world pairs wide head", "B": "is_car"},
     {"Pair": "pair", "Box": "box"},
 )
 PAIR_ARRAYS: Final = {name: kind for table in _PAIR_TABLES for kind, names in table.items() for name in names.split()}

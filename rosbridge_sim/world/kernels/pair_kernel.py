@@ -29,7 +29,7 @@ class PairKernel:
         library: the loops.
         world: read only.
         rows: (k,) int64, rows in use in order of their ids.
-        is_small: all bodies are compared with each other.
+        is_small: all bodies of a world are compared with each other.
         foreseen: arrays of the detector, written.
     """
 
@@ -41,6 +41,8 @@ class PairKernel:
         self._yaw, self._at = foreseen.poses[1, POSE_YAW], fields.address
         fields.copy(world, PAIR_COLUMNS)
         fields.take(**foreseen._asdict(), now=now, rows=rows, is_car=world.kind[rows] <= int(Kind.VEHICLE))
+        of_row = world.world_of_row
+        fields.take(world=np.zeros(num, np.int64) if of_row is None else of_row[rows])
         fields.take(unit_x=np.empty_like(self._yaw), unit_y=np.empty_like(self._yaw))
         fields.take(head=np.empty(1 << (2 * num).bit_length(), np.int64), wide=np.empty(num + 1, np.int64))
         fields.take(box=np.empty((num + 1, BOX_WORDS)))

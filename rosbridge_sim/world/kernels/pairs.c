@@ -213,7 +213,7 @@ static I find_partners(P *p, I i) {
   const Box *box = &p->box[i];
   I num = 0;
   if (p->is_small || box->is_wide) {
-    for (I j = i + 1; j < p->num_bodies; j++) add_if_near(p, i, j);
+    for (I j = i + 1; j < p->num_bodies && p->world[j] == p->world[i]; j++) add_if_near(p, i, j);
     return 0;
   }
   for (I k = 0; k < p->num_wide; k++)

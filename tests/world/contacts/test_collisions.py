@@ -320,8 +320,8 @@ def test_one_step_finds_the_contacts_of_many_small_steps(
         assert surely <= found <= perhaps
 
 
-def crowd(seed: int, num: int, size: float) -> World:
-    world, rng = World(), np.random.default_rng(seed)
+def crowd(seed: int, num: int, size: float, world: World | None = None) -> World:
+    world, rng = World() if world is None else world, np.random.default_rng(seed)
     bodies = {
         Kind.EGO: CAR,
         Kind.VEHICLE: Body(11.0, 2.5, 3.0, wheelbase=5.0, front_overhang=3.0, rear_overhang=3.0),

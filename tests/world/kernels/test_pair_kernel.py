@@ -10,6 +10,8 @@ import pytest
 from rosbridge_sim.world.contacts import collisions
 from rosbridge_sim.world.contacts.collisions import LIFE, MAX_PAIRWISE, CollisionDetector
 from rosbridge_sim.world.geometry.planar import FloatArray, wrap_angle
+from rosbridge_sim.world.many_worlds.batch import OneOfMany
+from rosbridge_sim.world.many_worlds.world_set import WorldSet
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.contacts.test_collisions import crowd
@@ -68,6 +70,27 @@ def wild(world: World, num_steps: int, seed: int) -> list[Place]:
 def test_loops_find_the_contacts_of_arrays(num: int, size: float, seed: int) -> None:
     one, other = (crowd(seed, num, size) for _ in range(2))
     assert check_both(one, other, wild(one, 2 * LIFE + 5, seed)) > 0
+
+
+def test_boxes_of_many_worlds_touch_those_of_their_own_alone() -> None:
+    sizes = [(2, 3.0), (20, 15.0), (1, 3.0), (60, 60.0), (9, 12.0)]
+    one, other = ([OneOfMany(seed) for seed in range(len(sizes))] for _ in range(2))
+    for worlds in (one, other):
+        for world, (num, size) in zip(worlds, sizes, strict=True):
+            crowd(world.seed, num, size, world)
+    sets, num_contacts = [WorldSet(worlds) for worlds in (one, other)], 0
+    for frame in range(4 * LIFE):
+        for together, are_there in zip(sets, (False, True), strict=True):
+            with with_loops(are_there=are_there):
+                together.advance()
+        assert [world.contacts.tolist() for world in one] == [world.contacts.tolist() for world in other], frame
+        num_contacts += sum(len(world.contacts) for world in one)
+        for worlds in (one, other):
+            if frame % 9 == 5:  # one of them has a body more, and another one starts
+                worlds[frame % 5].spawn(Kind.OBSTACLE, CAR, name="box", x=float(frame), y=0.0)
+                worlds[3].speed[frame % 7] = 9.0
+                worlds[3].touch()
+    assert num_contacts > 0
 
 
 @pytest.mark.parametrize("seed", range(3))
