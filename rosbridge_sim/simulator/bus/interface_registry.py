@@ -242,10 +242,10 @@ class InterfaceRegistry:
         told = tuple(map(str, mistakes))
         for item in self._items:
             name = _wanted(item, settings)
-            if name is not None and name != item.name:
-                why = item.why_not(self._owner, self._bus, name)
+            why = item.why_not(self._owner, self._bus, name) if name is not None and name != item.name else None
+            if why is not None:
                 where = settings.choice(item.kind, item.default, item.prefix).where
-                if why is not None and not (where and any(text.startswith(f"{where}: ") for text in told)):
+                if not (where and any(text.startswith(f"{where}: ") for text in told)):
                     yield DocumentError(f"{where or f'{item.kind.noun} {item.default}'}: {why}")
 
     def change(self, settings: NetworkSettings, now: float) -> None:

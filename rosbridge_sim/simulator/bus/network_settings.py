@@ -124,9 +124,10 @@ class NetworkSettings:
             default: its default name, without a prefix.
             prefix: `/` for an item of the world or the first ego, else the prefix of a further ego.
         """
-        choices = self.choices(kind)
-        if not choices:  # the usual case, asked hundreds of times when a simulator starts or egos come
+        if not (self.services or self.publishers or self.subscribers):
+            # The usual case, asked hundreds of times when a simulator starts or egos come.
             return _usual(default if prefix == "/" else prefix + default[1:])
+        choices = self.choices(kind)
         choice = choices.get(default, _NOTHING).over(InterfaceChoice(default, is_on=True))
         if prefix == "/" or choice.name is None:
             return choice

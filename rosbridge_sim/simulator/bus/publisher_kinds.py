@@ -30,12 +30,6 @@ def in_each_frame(rate: float) -> Fraction:
     return Fraction(rate).limit_denominator(10_000) / int(FRAME_RATE)
 
 
-@lru_cache(_MAX_RATES)
-def _least(in_each_frame: Fraction, most: Fraction) -> Fraction:
-    """Return the publications for each frame where there are at most so many in a second."""
-    return min(in_each_frame, most / int(FRAME_RATE))
-
-
 class TopicPublisher(Interface):
     """A topic that the simulator publishes.
 
@@ -147,7 +141,6 @@ class PeriodicPublisher(TopicPublisher):
         self.takers: list[Callable[[Message], object]] = []
         self.not_listening: tuple[Subscription, ...] = ()
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
-        self._rate = Fraction(1)
         self._most: Fraction | None = None
         self._up, self._down = 1, 1
         self._real_up, self._real_down = 1, 1
@@ -170,15 +163,18 @@ class PeriodicPublisher(TopicPublisher):
         Args:
             rate: publications a second [Hz].
         """
-        self._rate = in_each_frame(rate)
-        self._up, self._down = self._rate.numerator, self._rate.denominator
+        each = in_each_frame(rate)
+        self._up, self._down = each.numerator, each.denominator
         self.limit(self._most)
 
     def limit(self, most: Fraction | None) -> None:
         """Go out at most so often while real time moves the world, in simulated time [Hz]; None for no limit."""
         self._most = most
-        rate = self._rate if most is None else _least(self._rate, most)
-        self._real_up, self._real_down = rate.numerator, rate.denominator
+        self._real_up, self._real_down = self._up, self._down
+        if most is not None:  # compared as whole numbers: fractions would take a tenth of the time of a start
+            up, down = most.numerator, most.denominator * int(FRAME_RATE)
+            if up * self._down < self._up * down:
+                self._real_up, self._real_down = up, down
 
     @property
     def is_stale(self) -> bool:

@@ -30,6 +30,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
+from functools import lru_cache
 from itertools import count
 from typing import Any, Final, Unpack
 
@@ -430,6 +431,7 @@ class Publishers:
         self._repeats.clear()
 
 
+@lru_cache(16)  # each topic asks for that of the same factor
 def _max_rate(factor: float) -> Fraction | None:
     """Return how often a topic may go out in a second of simulated time; None where wall time alone says it."""
     return MAX_WALL_RATE / Fraction(factor).limit_denominator(10_000) if factor else None
