@@ -269,15 +269,6 @@ def run_folder(folder: str | Path, number: int) -> Path:
     return Path(folder) / "runs" / f"{number:0{DIGITS}d}"
 
 
-def check_folder(folder: Path) -> None:
-    """Check that this is a folder of results.
-
-    Raises:
-        DocumentError: it is none.
-    """
-    _read_campaign(folder)
-
-
 def read_text_of(folder: Path) -> tuple[Job, str]:
     """Return the campaign of a folder of results, and its name.
 
@@ -286,12 +277,16 @@ def read_text_of(folder: Path) -> tuple[Job, str]:
     """
     from rosbridge_sim.campaign_runs.job import Job  # noqa: PLC0415 - imports all that drives
 
-    text, source, base = _read_campaign(folder)
+    text, source, base = read_origin(folder)
     return Job(text, source, base, str(folder.resolve())), Path(source).stem
 
 
-def _read_campaign(folder: Path) -> tuple[str, str, str]:
-    """Return the text of the campaign of a folder of results, its file, and the folder of that."""
+def read_origin(folder: Path) -> tuple[str, str, str]:
+    """Return the text of the campaign of a folder of results, its file, and the folder of that.
+
+    Raises:
+        DocumentError: it is no such folder.
+    """
     try:
         text = (folder / CAMPAIGN).read_text("utf-8")
         about: Any = json.loads((folder / ABOUT).read_text("utf-8"))

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import csv
-import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict
+
+import msgspec
 
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, run_folder
 from rosbridge_sim.campaigns.campaign import Campaign
@@ -75,30 +75,16 @@ def _read_trace(path: Path) -> dict[str, list[float]]:
 _PLACE: Final = ("time", "x", "y")
 
 
+class _Scene(TypedDict, total=False):
+    """Lanes and neighbours of a kept run; see `draw_scene`."""
+
+    roads: list[list[tuple[float, float]]]
+    neighbours: list[tuple[float, list[tuple[float, float, float, float, float, float, float, str]]]]
+
+
 def _read_scene(path: Path) -> dict[str, Any]:
     """Return the lanes and neighbours of a kept run; empty if there are none, or it is no whole file."""
     try:
-        scene = json.loads(_read(path) or "{}")
-        roads = [[(_finite(x), _finite(y)) for x, y in line] for line in scene.get("roads", ())]
-        neighbours = [(time, [_box(*box) for box in boxes]) for time, boxes in scene.get("neighbours", ())]
-    except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError):  # as above
+        return {**msgspec.json.decode(_read(path) or "{}", type=_Scene)}
+    except (ValueError, RecursionError):  # as above
         return {}
-    return {"roads": roads, "neighbours": neighbours}
-
-
-def _box(*numbers: object) -> tuple[object, ...]:
-    *shape, kind = numbers
-    if len(shape) != _NUM_NUMBERS:
-        raise ValueError("expected a box")
-    return (*map(_finite, shape), kind)
-
-
-_NUM_NUMBERS: Final = 7
-"""Of a box, before its kind; see `draw_scene`."""
-
-
-def _finite(value: Any) -> float:  # noqa: ANN401 - it is looked at here
-    number = float(value)
-    if not math.isfinite(number):
-        raise ValueError("expected a number")
-    return number

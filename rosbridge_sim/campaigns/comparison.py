@@ -77,10 +77,7 @@ class Comparison:
             ]
 
         return {
-            "regressions": told(self.regressions),
-            "fixed": told(self.fixed),
-            "others": told(self.others),
-            "moved": told(self.moved),
+            **{kind: told(getattr(self, kind)) for kind in ("regressions", "fixed", "others", "moved")},
             "num_same": self.num_same,
             "added": [each.run.title for each in self.added],
             "missing": [each.run.title for each in self.missing],

@@ -39,19 +39,13 @@ class Limits(Record):
     """The limits of a campaign, parsed.
 
     Attributes:
-        most: name -> figure, greatest value, unit.
-        least_ttc: least time to collision; None for no limit [s].
-        least_distance: least distance at the end; None for no limit [m].
-        arrival: place to reach.
+        item: those of the scores, and the place to reach.
         always: name -> expression, and the time from which on it must hold [s].
         end: name -> expression of the last frame.
         python: name -> name of the user's function.
     """
 
-    most: Mapping[str, tuple[str, float, str]]
-    least_ttc: float | None
-    least_distance: float | None
-    arrival: Place | None
+    item: LimitsItem
     always: Mapping[str, tuple[Expression, float]]
     end: Mapping[str, Expression]
     python: Mapping[str, str]
@@ -88,9 +82,7 @@ def read_limits(item: LimitsItem, known: frozenset[str], numbers: frozenset[str]
             end[name] = parse(own.end, f"{where}.end")
         elif own.python is not None:
             python[name] = own.python
-    chosen = {name: getattr(item, name) for name in _MOST}
-    most = {name: (_MOST[name][0], value, _MOST[name][1]) for name, value in chosen.items() if value is not None}
-    return Limits(most, item.time_to_collision, item.distance, item.arrival, always, end, python)
+    return Limits(item, always, end, python)
 
 
 def judge_trace(
@@ -106,26 +98,26 @@ def judge_trace(
     Raises:
         DocumentError: a function returns something else than None or a text.
     """
-    found = [*_standard(trace, limits), *own, *_checked(trace, checks)]
+    found = [*_standard(trace, limits.item), *own, *_checked(trace, checks)]
     return tuple(sorted(found, key=lambda breach: breach.time))
 
 
-def _standard(trace: Trace, limits: Limits) -> Iterator[Breach]:
-    for name, (figure, most, unit) in limits.most.items():
-        i = FIGURES.index(figure)
-        if trace.rows[-1][i] > most + _SLACK:  # these figures never become less
+def _standard(trace: Trace, limits: LimitsItem) -> Iterator[Breach]:
+    for name, (figure, unit) in _MOST.items():
+        i, most = FIGURES.index(figure), getattr(limits, name)
+        if most is not None and trace.rows[-1][i] > most + _SLACK:  # these figures never become less
             first = next(k for k, row in enumerate(trace.rows) if row[i] > most + _SLACK)
             yield _breach(trace, first, name, f"expected at most {most:g}{unit}, got {trace.rows[-1][i]:.4g}{unit}")
-    if limits.least_ttc is not None:
+    if limits.time_to_collision is not None:
         i, now = FIGURES.index("min_time_to_collision"), FIGURES.index("time_to_collision")
-        if trace.rows[-1][i] < limits.least_ttc:
-            first = next(k for k, row in enumerate(trace.rows) if min(row[i], row[now]) < limits.least_ttc)
-            text = f"expected at least {limits.least_ttc:g} s, got {trace.rows[-1][i]:.4g} s"
+        if trace.rows[-1][i] < limits.time_to_collision:
+            first = next(k for k, row in enumerate(trace.rows) if min(row[i], row[now]) < limits.time_to_collision)
+            text = f"expected at least {limits.time_to_collision:g} s, got {trace.rows[-1][i]:.4g} s"
             yield _breach(trace, first, "time_to_collision", text)
-    if limits.least_distance is not None:
+    if limits.distance is not None:
         got = trace.rows[-1][FIGURES.index("distance")]
-        if got < limits.least_distance:
-            yield _breach(trace, -1, "distance", f"expected at least {limits.least_distance:g} m, got {got:.4g} m")
+        if got < limits.distance:
+            yield _breach(trace, -1, "distance", f"expected at least {limits.distance:g} m, got {got:.4g} m")
     if limits.arrival is not None:
         yield from _arrival(trace, limits.arrival)
 

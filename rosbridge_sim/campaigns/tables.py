@@ -38,10 +38,7 @@ def columns_of(results: Sequence[Result], parameters: Sequence[str]) -> dict[str
 
 def _row(result: Result, names: dict[str, str]) -> dict[str, Cell]:
     run = result.run
-    first: Sequence[Cell] = (None, None, None, None)
-    if result.breaches:
-        breach = result.breaches[0]
-        first = (breach.limit, breach.time, breach.x, breach.y)
+    first = result.breaches[0] if result.breaches else None
     return {
         "run": run.number,
         "driver": run.driver,
@@ -49,10 +46,7 @@ def _row(result: Result, names: dict[str, str]) -> dict[str, Cell]:
         "seed": run.seed,
         **{column: run.parameters.get(name) for name, column in names.items()},
         "verdict": result.verdict,
-        "limit": first[0],
-        "at": first[1],
-        "x": first[2],
-        "y": first[3],
+        **({} if first is None else {"limit": first.limit, "at": first.time, "x": first.x, "y": first.y}),
         "reason": result.reason or None,
         **result.scores,
         "frames": result.frames,

@@ -21,7 +21,7 @@ def test_whole_scene_is_read(tmp_path: Path) -> None:
         "roads": [[(0.0, 1.0), (2.5, 3.0)]],
         "neighbours": [(0.02, [tuple(BOX)])],
     }
-    assert _read_scene(tmp_path / "none.json") == {"roads": [], "neighbours": []}
+    assert _read_scene(tmp_path / "none.json") == {}
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rosbridge_sim.campaign_runs.results_folder import check_folder, read_text_of, run_folder
+from rosbridge_sim.campaign_runs.results_folder import read_origin, read_text_of, run_folder
 from rosbridge_sim.campaign_runs.stored_folder import open_results
 from rosbridge_sim.campaigns.comparison import compare_results
 from rosbridge_sim.campaigns.run_results import Result
@@ -41,7 +41,7 @@ def show(folder: str, number: int, *, is_json: bool) -> None:
     """
     place = run_folder("", number)
     with open_results(folder, fetch=(place.as_posix(),)) as opened:
-        check_folder(opened.path)
+        read_origin(opened.path)
         result = opened.result_of(number)
         log = opened.path / place / "log.txt"
         text = log.read_text("utf-8", "replace") if log.is_file() else ""
@@ -104,7 +104,7 @@ def compare(before: str, after: str, *, may_lack: bool, is_json: bool) -> int:
 
 def _results(folder: str) -> list[Result]:
     with open_results(folder) as opened:
-        check_folder(opened.path)
+        read_origin(opened.path)
         return opened.results()
 
 

@@ -100,15 +100,8 @@ class _NodeParameters(Participant):
     def provide(self, *, is_simulated: bool) -> None:
         """Offer all services, and set `use_sim_time`."""
         self._params.put(f"{self.name}:{_READ_ONLY}", "true" if is_simulated else "false", self)
-        for name, type_name, handle in (
-            ("describe_parameters", "DescribeParameters", self._describe),
-            ("get_parameter_types", "GetParameterTypes", self._types),
-            ("get_parameters", "GetParameters", self._get),
-            ("list_parameters", "ListParameters", self._list),
-            ("set_parameters", "SetParameters", self._set),
-            ("set_parameters_atomically", "SetParametersAtomically", self._set_all),
-        ):
-            self._provide(name, type_name, handle)
+        for name in SAME_AS:
+            self._provide(name, name.title().replace("_", ""), getattr(self, f"_{name}"))
 
     def _provide(self, name: str, type_name: str, respond: Callable[[_Struct, Participant], object]) -> None:
         def handle(call: Call, _now: float) -> None:
@@ -118,20 +111,20 @@ class _NodeParameters(Participant):
 
     # Reading
 
-    def _get(self, request: _Struct, _caller: Participant) -> list[_Struct]:
+    def _get_parameters(self, request: _Struct, _caller: Participant) -> list[_Struct]:
         return self._values(request.names)
 
-    def _types(self, request: _Struct, _caller: Participant) -> list[int]:
+    def _get_parameter_types(self, request: _Struct, _caller: Participant) -> list[int]:
         return [value.type for value in self._values(request.names)]
 
-    def _describe(self, request: _Struct, _caller: Participant) -> list[_Struct]:
+    def _describe_parameters(self, request: _Struct, _caller: Participant) -> list[_Struct]:
         values = self._values(request.names)
         return [
             self._descriptor(name=name, type=value.type, read_only=name == _READ_ONLY)
             for name, value in zip(request.names, values, strict=True)
         ]
 
-    def _list(self, request: _Struct, _caller: Participant) -> _Struct:
+    def _list_parameters(self, request: _Struct, _caller: Participant) -> _Struct:
         """Return the names with one of the prefixes, and with fewer dots behind it than the depth if that is not 0."""
         _check_number(request.prefixes)
         start = f"{self.name}:"
@@ -168,20 +161,16 @@ class _NodeParameters(Participant):
                 num += text.count(",")
             if num > MAX_VALUES:
                 raise GraphError(f"The values have more than {MAX_VALUES} commas: read fewer", reason=Reason.TOO_MUCH)
-            values.append(self._value() if text is None else self._typed(text))
+            values.append(self._value() if text is None else self._value(**fields_of(text)))
         return values
-
-    def _typed(self, text: str) -> _Struct:
-        """Return a value of JSON as a parameter; what no type can hold, such as an object, is its JSON text."""
-        return self._value(**fields_of(text))
 
     # Writing
 
-    def _set(self, request: _Struct, caller: Participant) -> list[_Struct]:
+    def _set_parameters(self, request: _Struct, caller: Participant) -> list[_Struct]:
         _check_number(request.parameters)
         return [self._put([parameter], caller) for parameter in request.parameters]
 
-    def _set_all(self, request: _Struct, caller: Participant) -> _Struct:
+    def _set_parameters_atomically(self, request: _Struct, caller: Participant) -> _Struct:
         _check_number(request.parameters)
         return self._put(request.parameters, caller)
 
