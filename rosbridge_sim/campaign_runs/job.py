@@ -20,7 +20,7 @@ from rosbridge_sim.campaign_runs.outcome import told_error
 from rosbridge_sim.campaigns.assignments import Change, change_document
 from rosbridge_sim.campaigns.campaign import Campaign, read_campaign
 from rosbridge_sim.campaigns.campaign_model import DriverItem
-from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
@@ -58,10 +58,7 @@ def read_job(path: Path, folder: Path) -> Job:
     """
     if path.exists() and not path.is_file():  # a pipe would be waited for
         raise DocumentError(f"{path}: expected a TOML file; it is a folder, a pipe or a device")
-    try:
-        text, _ = read_toml(path)
-    except SettingError as error:
-        raise DocumentError(str(error)) from None
+    text, _ = read_toml(path)
     return Job(text, path.name, str(path.resolve().parent), str(folder.resolve()))
 
 

@@ -15,8 +15,9 @@ import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO, Final, TypeVar
 
 from lz4.frame import decompress as unpack_lz4  # type: ignore[import-untyped] # it has no type hints
 from rosbags.rosbag2 import ReaderError
@@ -31,6 +32,8 @@ _MAGIC2: Final = b"\x89MCAP0\r\n"
 
 _MAX_RECORD: Final = 2**31
 """A longer record is damaged data [bytes]; both libraries end a chunk at a few megabytes."""
+
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -132,22 +135,29 @@ def _remove(target: Path) -> None:
             target.unlink()
 
 
-class _CutOffError(Exception):
-    """The file ends inside a record."""
-
-
 def _take(stream: BinaryIO, size: int) -> bytes:
+    """Return the next bytes.
+
+    Raises:
+        EOFError: the file ends inside the record.
+    """
     if size > _MAX_RECORD:
-        raise _CutOffError
+        raise EOFError
     data = stream.read(size)
     if len(data) < size:
-        raise _CutOffError
+        raise EOFError
     return data
 
 
-def _rest(stream: BinaryIO, at: int) -> int:
-    """Return the number of bytes from `at` to the end."""
-    return stream.seek(0, os.SEEK_END) - at
+def _records(data: bytes, read: Callable[[BinaryIO], T]) -> Iterator[T]:
+    """Yield the records of a chunk.
+
+    Raises:
+        EOFError: the last one is cut off.
+    """
+    stream = BytesIO(data)
+    while stream.tell() < len(data):
+        yield read(stream)
 
 
 class _Copier:
@@ -190,8 +200,8 @@ def _copy1(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
                 _chunk1(fields, data, copier)
             elif op in {_MESSAGE, _CONNECTION}:
                 _one1(fields, data, copier)
-    except (_CutOffError, KeyError, IndexError, ValueError, struct.error):
-        found.num_lost_bytes += _rest(stream, at)
+    except (EOFError, KeyError, IndexError, ValueError, struct.error):
+        found.num_lost_bytes += stream.seek(0, os.SEEK_END) - at
 
 
 def _record1(stream: BinaryIO) -> tuple[_Fields, bytes]:
@@ -208,7 +218,7 @@ def _fields(header: bytes) -> _Fields:
         (size,) = struct.unpack_from("<I", header, at)
         name, sign, value = header[at + 4 : at + 4 + size].partition(b"=")
         if not sign:
-            raise _CutOffError
+            raise EOFError
         fields[name] = value
         at += 4 + size
     return fields
@@ -221,8 +231,8 @@ def _number(value: bytes) -> int:
 def _chunk1(fields: _Fields, data: bytes, copier: _Copier) -> None:
     """Copy a chunk's records: all of them or none."""
     try:
-        records = list(_records1(_unpack1(fields[b"compression"], data)))
-    except (_CutOffError, OSError, ValueError, EOFError, RuntimeError, KeyError, struct.error):
+        records = list(_records(_unpack1(fields[b"compression"], data), _record1))
+    except (OSError, ValueError, EOFError, RuntimeError, KeyError, struct.error):
         copier.found.num_damaged += 1
         return
     for inner, content in records:
@@ -238,19 +248,6 @@ def _unpack1(compression: bytes, data: bytes) -> bytes:
         unpacked: bytes = unpack_lz4(data)
         return unpacked
     raise ValueError(compression)
-
-
-def _records1(data: bytes) -> Iterator[tuple[_Fields, bytes]]:
-    at = 0
-    while at < len(data):
-        (header_size,) = struct.unpack_from("<I", data, at)
-        header = data[at + 4 : at + 4 + header_size]
-        at += 4 + header_size
-        (size,) = struct.unpack_from("<I", data, at)
-        if at + 4 + size > len(data):
-            raise _CutOffError
-        yield _fields(header), data[at + 4 : at + 4 + size]
-        at += 4 + size
 
 
 def _one1(fields: _Fields, data: bytes, copier: _Copier) -> None:
@@ -285,8 +282,7 @@ def _copy2(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
     try:
         while True:
             at = stream.tell()
-            op, size = struct.unpack("<BQ", _take(stream, 9))
-            data = _take(stream, size)
+            op, data = _record2(stream)
             if op == _FOOTER2:
                 found.is_complete = True
                 return
@@ -294,8 +290,8 @@ def _copy2(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
                 _chunk2(data, schemas, copier)
             else:
                 _one2(op, data, schemas, copier)
-    except (_CutOffError, ValueError, struct.error):
-        found.num_lost_bytes += _rest(stream, at)
+    except (EOFError, ValueError, struct.error):
+        found.num_lost_bytes += stream.seek(0, os.SEEK_END) - at
 
 
 def _chunk2(data: bytes, schemas: _Schemas, copier: _Copier) -> None:
@@ -303,22 +299,17 @@ def _chunk2(data: bytes, schemas: _Schemas, copier: _Copier) -> None:
     try:
         size, crc = struct.unpack_from("<QI", data, 16)
         compression, at = _text(data, 28)
-        records = list(_records2(unpack_mcap(data[at + 8 :], compression, size, crc)))
-    except (_CutOffError, ReaderError, OSError, ValueError, RuntimeError, struct.error):
+        records = list(_records(unpack_mcap(data[at + 8 :], compression, size, crc), _record2))
+    except (EOFError, ReaderError, OSError, ValueError, RuntimeError, struct.error):
         copier.found.num_damaged += 1
         return
     for op, content in records:
         _one2(op, content, schemas, copier)
 
 
-def _records2(data: bytes) -> Iterator[tuple[int, bytes]]:
-    at = 0
-    while at < len(data):
-        op, size = struct.unpack_from("<BQ", data, at)
-        if at + 9 + size > len(data):
-            raise _CutOffError
-        yield op, data[at + 9 : at + 9 + size]
-        at += 9 + size
+def _record2(stream: BinaryIO) -> tuple[int, bytes]:
+    op, size = struct.unpack("<BQ", _take(stream, 9))
+    return op, _take(stream, size)
 
 
 def _one2(op: int, data: bytes, schemas: _Schemas, copier: _Copier) -> None:

@@ -21,11 +21,16 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     Raises:
         SettingError: it cannot be read, or is not valid TOML.
     """
+    text = read_text(path)
+    return text, parse_toml(text, path)
+
+
+def parse_toml(text: str, path: Path) -> dict[str, Any]:
+    """Return the values of a TOML text; arguments and errors as for `read_toml`."""
     import tomllib  # noqa: PLC0415 - most servers have no file
 
-    text = read_text(path)
     try:
-        return text, tomllib.loads(text)
+        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         message, where = _split_place(str(error))
         raise SettingError(f"{path}{where}: not valid TOML: {message}") from None

@@ -15,7 +15,6 @@ from __future__ import annotations
 import csv
 import math
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Final
@@ -28,7 +27,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
-from rosbridge_sim.shell.config.toml_text import read_text
+from rosbridge_sim.shell.config.toml_text import parse_toml, read_text
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
@@ -147,14 +146,7 @@ _EXAMPLES: Final = {
 
 
 def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise DocumentError(f"{path}: not valid TOML: {error}") from None
-    except (ValueError, RecursionError):  # a number of thousands of digits, or deeply nested brackets
-        raise DocumentError(
-            f"{path}: not valid TOML: a number is too long, or brackets are nested too deeply"
-        ) from None
+    document = parse_toml(text, path)
     strange = next((key for key in document if key != "model"), None)
     if strange is not None:
         raise DocumentError(f"{path}: {strange}: expected [[model]] tables and nothing else")

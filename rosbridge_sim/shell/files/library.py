@@ -123,7 +123,7 @@ class DiskLibrary:
         Raises:
             DocumentError: there is no such scenario, the name leads out of the folders, or a file cannot be used.
         """
-        path = self._find_scenario(name)
+        path = self.scenario_path(name)
         return self._cache.get("scenario", path, [path], lambda: self._understand(path), min_age=MIN_AGE)
 
     def opening_scenario(self, name: str) -> Scenario:
@@ -151,7 +151,7 @@ class DiskLibrary:
         path = Path(name)
         if looks_like_path(name) and (path.is_file() or name != path.name):
             return self._read_scenario(path)
-        return self._read_scenario(self._find_scenario(name))
+        return self._read_scenario(self.scenario_path(name))
 
     def has_scenario(self, name: str) -> bool:
         """Return True if `scenario` would find a file; the file may be invalid.
@@ -160,12 +160,20 @@ class DiskLibrary:
             name: NAME or MAP/NAME.
         """
         try:
-            self._find_scenario(name)
+            self.scenario_path(name)
         except DocumentError:
             return False
         return True
 
-    def _find_scenario(self, name: str) -> Path:
+    def scenario_path(self, name: str) -> Path:
+        """Return the file of a scenario.
+
+        Args:
+            name: NAME or MAP/NAME.
+
+        Raises:
+            DocumentError: there is none, or the name leads out of the folders.
+        """
         parts = safe_parts(name)
         for folder in self._folders:
             path = _find_scenario(folder, parts)
@@ -248,17 +256,6 @@ class DiskLibrary:
         own = [name for folder in self._folders for name in _names_in(folder)]
         opening = [] if self._opening is None else [self._opening.stem]
         return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))
-
-    def scenario_path(self, name: str) -> Path:
-        """Return the file of a scenario.
-
-        Args:
-            name: NAME or MAP/NAME.
-
-        Raises:
-            DocumentError: there is none, or the name leads out of the folders.
-        """
-        return self._find_scenario(name)
 
     def map(self, name: str) -> RoadMap:
         """Return the map that a scenario names, or the one that replaces all maps.

@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 
 from rosbridge_sim.documents.document_reading import parse_json
-from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.simulator.sensor_rigs.sensor_presets import MAX_SENSORS_BYTES, PRESETS, read_rig
@@ -33,10 +33,7 @@ def read_sensors(choice: str) -> Rig:
         names = ", ".join(PRESETS)
         raise DocumentError(f"--sensors: expected {names} or a file, got {choice[:80]!r}{hint(choice, PRESETS)}")
     if path.suffix.lower() == ".toml":
-        try:
-            return read_rig(read_toml(path)[1], str(path))
-        except SettingError as error:
-            raise DocumentError(str(error)) from None
+        return read_rig(read_toml(path)[1], str(path))
     from rosbridge_sim.simulator.sensor_rigs.morai_sensor_file import (  # noqa: PLC0415 - most servers have no file
         is_morai_file,
         read_morai_sensors,
