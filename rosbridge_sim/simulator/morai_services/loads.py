@@ -198,10 +198,7 @@ class Loads(Component):
             raise GraphError(self._context.failure.why)
         if isinstance(documents, DocumentError):
             raise documents
-        ego, vehicles, pedestrians, obstacles = _parts(request)
-        options = LoadOptions(
-            delete_all=request.delete_all, ego=ego, vehicles=vehicles, pedestrians=pedestrians, obstacles=obstacles
-        )
+        options = LoadOptions(request.delete_all, *_parts(request))
         load = self._context.scene.prepare(documents.scenario, options, own_map=documents.own_map, base=base)
         network = None
         if documents.network is not None:

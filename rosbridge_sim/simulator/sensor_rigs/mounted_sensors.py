@@ -21,7 +21,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
@@ -61,12 +60,8 @@ Finish = Callable[[Sighting, float], None]
 """Uses the result of a sight; takes monotonic time [s], too."""
 
 
-@dataclass(slots=True)
-class _Plan:
-    """A job that grows: what is to be seen, and what becomes of each result."""
-
-    sights: list[Sight] = field(default_factory=list)
-    finishes: list[Finish] = field(default_factory=list)
+_Plan = list[tuple[Sight, Finish]]
+"""A job that grows: what is to be seen, and what becomes of each result."""
 
 
 class MountedSensors(Component):
@@ -222,15 +217,15 @@ class MountedSensors(Component):
         is_free = is_tick or (worker is not None and not worker.is_busy)
         # A plan for each ego: a turn of the loop then has the messages of one ego alone.
         plans = [self._plan(ego, rig, is_free, now) for ego, rig in self._egos_with_sensors()]
-        if worker is not None and any(plan.sights for plan in plans):
+        if worker is not None and any(plans):
             seen = self._look()
             for plan in plans:
-                if plan.sights:
+                if plan:
                     self._submit(worker, plan, seen, is_tick=is_tick)
 
     def _plan(self, ego: Ego, rig: EgoRig, is_free: bool, now: float) -> _Plan:  # noqa: FBT001 - by position
         """Read the sensors of an ego that are owed; return what is to be drawn for them."""
-        plan = _Plan()
+        plan: _Plan = []
         for mounted in rig.behind:
             if not mounted.is_owed:
                 continue
@@ -270,8 +265,7 @@ class MountedSensors(Component):
                 if message is not None:
                     deliver(publisher, message, now)
 
-        plan.sights.append(self._sight(ego, spec, wanted=wanted))
-        plan.finishes.append(finish)
+        plan.append((self._sight(ego, spec, wanted=wanted), finish))
 
     def _sight(self, ego: Ego, spec: DrawnSpec, *, wanted: Sequence[bool] = (), is_for_file: bool = False) -> Sight:
         world, row, mounting = self._context.world, ego.row, ego.mountings[spec.frame_id]
@@ -316,14 +310,14 @@ class MountedSensors(Component):
         end: Callable[[Exception | None, float], None] | None = None,
     ) -> None:
         context, epoch = self._context, self._epoch
-        job = self.job_of(plan.sights, seen)
+        job = self.job_of([sight for sight, _ in plan], seen)
 
         def then(results: Sequence[Sighting] | Exception, now: float) -> None:
             try:
                 if isinstance(results, Exception):
                     self._note_failure(results)
                 elif epoch == self._epoch or end is not None:  # a file is of the frame that was asked for
-                    for finish, result in zip(plan.finishes, results, strict=True):
+                    for (_, finish), result in zip(plan, results, strict=True):
                         finish(result, now)
                 if end is not None:
                     end(results if isinstance(results, Exception) else None, now)
@@ -372,10 +366,11 @@ class MountedSensors(Component):
             raise DocumentError(f"{MAX_CAPTURES} captures are being drawn already; expected fewer at once")
         self._num_captures += 1
         prefix = ego.frame_prefix
-        plan, files = _Plan(), dict[str, bytes]()
-        for spec in specs:
-            plan.sights.append(self._sight(ego, spec, is_for_file=True))
-            plan.finishes.append(partial(_keep_file, files, prefix + spec.file_name))
+        files: dict[str, bytes] = {}
+        plan: _Plan = [
+            (self._sight(ego, spec, is_for_file=True), partial(_keep_file, files, prefix + spec.file_name))
+            for spec in specs
+        ]
 
         def end(error: Exception | None, now: float) -> None:
             self._num_captures -= 1

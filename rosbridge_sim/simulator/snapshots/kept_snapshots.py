@@ -40,6 +40,7 @@ class KeptSnapshots:
 
     Attributes:
         by_name: oldest first.
+        num_bytes: of all of them.
     """
 
     def __init__(self, account: Account) -> None:
@@ -49,15 +50,10 @@ class KeptSnapshots:
             account: pays for their memory.
         """
         self.by_name: dict[str, Kept] = {}
+        self.num_bytes = 0
         self._account = account
-        self._num_bytes = 0
         self._num_named = 0
         self._expected: list[str] = []  # names of those that are being made
-
-    @property
-    def num_bytes_free(self) -> int:
-        """Return how many bytes more may be kept."""
-        return MAX_BYTES - self._num_bytes
 
     def choose_name(self, wanted: str) -> str:
         """Return the name of a snapshot: the client's, or the next free one.
@@ -93,9 +89,9 @@ class KeptSnapshots:
         """
         old = self.by_name.get(name)
         size_before = 0 if old is None or name in self._expected else old.size
-        if self._num_bytes - size_before + size > MAX_BYTES:
+        if self.num_bytes - size_before + size > MAX_BYTES:
             raise Refusal(
-                f"the snapshots hold {self._num_bytes:,} of {MAX_BYTES:,} bytes, and this one has {size:,}:"
+                f"the snapshots hold {self.num_bytes:,} of {MAX_BYTES:,} bytes, and this one has {size:,}:"
                 " remove some by /sim/snapshots",
                 Reason.TOO_MUCH,
             )
@@ -120,7 +116,7 @@ class KeptSnapshots:
             self._take(-kept.size)
 
     def _take(self, size: int) -> None:
-        self._num_bytes += size
+        self.num_bytes += size
         if size > 0:
             self._account.take(size)
         else:

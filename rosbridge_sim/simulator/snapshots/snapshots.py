@@ -38,7 +38,7 @@ from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, 
 from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
 from rosbridge_sim.simulator.replays.replayed_plans import without_denied_plans
 from rosbridge_sim.simulator.scene.load import Library, MapKey
-from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptSnapshots
+from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_BYTES, MAX_ID, Kept, KeptSnapshots
 from rosbridge_sim.simulator.snapshots.node_state import NodeState, SavedState
 from rosbridge_sim.simulator.snapshots.snapshot_checks import (
     Refusal,
@@ -254,7 +254,7 @@ class Snapshots(Component):
         infos = [
             self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in by_name.items()
         ]
-        call.respond(not strange, message, infos, self._kept.num_bytes_free)
+        call.respond(not strange, message, infos, MAX_BYTES - self._kept.num_bytes)
 
     def _no_such(self, name: str) -> str:
         known = ", ".join(list(self._kept.by_name)[-5:]) or "none"
@@ -322,7 +322,7 @@ class Snapshots(Component):
                 raise Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
             self._begin_reading(restoration)
             reading = RecordingBuilder(key.name, self._context.convert)
-            then = partial(self._take_recording, restoration, key)
+            then = partial(self._go_on, restoration, partial(restoration.take_recording, key))
             self._recordings.read(key.name, reading, answering(restoration.call.refuse, then))
         elif restoration.state is None:
             self._read(restoration, partial(_parse, self._state, restoration), restoration.take_state, now)
@@ -347,35 +347,19 @@ class Snapshots(Component):
         Raises:
             Refusal: another restore waits.
         """
-
-        def then(outcome: T | DocumentError, now: float) -> None:
-            def add() -> None:
-                if isinstance(outcome, DocumentError):
-                    raise outcome
-                take(outcome)
-
-            self._go_on(restoration, add, now)
-
         self._begin_reading(restoration)
+        then = partial(self._go_on, restoration, take)
         self._context.reader.read(work, answering(restoration.call.refuse, then), now)
 
-    def _take_recording(
-        self, restoration: _Restoration, key: RecordingKey, outcome: Recording | DocumentError, now: float
+    def _go_on(
+        self, restoration: _Restoration, take: Callable[[T], None], outcome: T | DocumentError, now: float
     ) -> None:
-        def add() -> None:
-            if isinstance(outcome, DocumentError):
-                raise outcome
-            if outcome.digest != key.digest:
-                raise DocumentError(f"recording: {key.name} is another one than that of the snapshot")
-            restoration.recording = without_denied_plans(outcome, restoration.call.caller)
-
-        self._go_on(restoration, add, now)
-
-    def _go_on(self, restoration: _Restoration, add: Callable[[], None], now: float) -> None:
         """Go on with a restore when a part of what is missing has been read."""
         self._is_reading = False
         try:
-            add()
+            if isinstance(outcome, DocumentError):
+                raise outcome
+            take(outcome)
             if not restoration.call.is_done:  # given up, or the client has left: nobody wants it any longer
                 check_may_restore(self._context, restoration.user_id)
                 self._gather(restoration, now)
@@ -450,6 +434,16 @@ class _Restoration:
     def take_maps(self, maps: dict[MapKey, RoadMap]) -> None:
         """Take maps that were not at hand."""
         self.maps |= maps
+
+    def take_recording(self, key: RecordingKey, recording: Recording) -> None:
+        """Take the recording that the snapshot needs.
+
+        Raises:
+            DocumentError: it is another one.
+        """
+        if recording.digest != key.digest:
+            raise DocumentError(f"recording: {key.name} is another one than that of the snapshot")
+        self.recording = without_denied_plans(recording, self.call.caller)
 
     def take_state(self, state: SavedState) -> None:
         """Take the state that has been checked."""
