@@ -252,7 +252,7 @@ def _gaps_of_lanes(sets: dict[str, Any], road_map: RoadMap) -> Iterator[tuple[st
 
 def _torn(roads: Roads) -> list[str]:
     """Return the lanes whose last point is not the first one of a lane that follows."""
-    lane = np.repeat(np.arange(len(roads)), np.diff(roads.first_successor))
+    lane = roads.predecessor
     away = roads.points[roads.first[lane + 1] - 1, :2] - roads.points[roads.first[roads.successor], :2]
     return [roads.ids[row] for row in lane[np.hypot(away[:, 0], away[:, 1]) > MAX_STEP].tolist()]
 

@@ -173,7 +173,7 @@ class RoadMap:
     def find_inside(self) -> BoolArray:
         """Return which lanes lie within an intersection: behind a stop line, or controlled by lights; (lanes,)."""
         roads, is_inside = self.roads, np.zeros(len(self.roads), dtype=bool)
-        is_inside[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
+        is_inside[roads.successor[roads.is_stop[roads.predecessor]]] = True
         return is_inside | (self.plan.controller_of_lane >= 0)
 
     @cached_property

@@ -207,7 +207,7 @@ def _beside_roads(spawns: Sequence[Spawn], roads: Roads) -> Iterator[str]:
 
 def _beyond_map(spawns: Sequence[Spawn], roads: Roads) -> list[str]:
     """Return a line for each person or thing that stands outside of the map's roads, as if on another map."""
-    points = roads.points[np.repeat(~find_far_lanes(roads), np.diff(roads.first)), :2]
+    points = roads.points[~find_far_lanes(roads)[roads.lane_of_point], :2]
     (west, south), (east, north) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
     away = [math.hypot(max(west - at.x, at.x - east, 0.0), max(south - at.y, at.y - north, 0.0)) for at in spawns]
     return [

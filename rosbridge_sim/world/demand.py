@@ -216,13 +216,12 @@ def _lanes_around(roads: Roads, lane: int, s: float) -> tuple[FloatArray, FloatA
             if not ahead[other] <= start:
                 ahead[other] = start
                 waiting.append(other)
-    before = np.repeat(np.arange(len(roads)), np.diff(roads.first_successor))
     waiting = [lane]
     while waiting:
         here = waiting.pop()
         if behind[here] < -SIGHT:
             continue
-        for other in before[roads.successor == here].tolist():
+        for other in roads.predecessor[roads.successor == here].tolist():
             start = behind[here] - roads.length[other]
             if not behind[other] >= start:
                 behind[other] = start

@@ -360,10 +360,9 @@ class Edges:
 
     def __init__(self, roads: Roads) -> None:
         num = np.diff(roads.first_successor)
-        owner = np.arange(len(roads)).repeat(num)
         num_before = np.bincount(roads.successor, minlength=len(roads))
-        is_fork = np.bincount(roads.successor, num[owner] > 1, len(roads)) > 0.0
-        is_join = np.bincount(owner, num_before[roads.successor] > 1, len(roads)) > 0.0
+        is_fork = np.bincount(roads.successor, num[roads.predecessor] > 1, len(roads)) > 0.0
+        is_join = np.bincount(roads.predecessor, num_before[roads.successor] > 1, len(roads)) > 0.0
         self.first = np.where(is_fork, NO_EDGES, 0.0)
         self.last = roads.length - np.where(is_join, NO_EDGES, 0.0)
 
@@ -387,27 +386,27 @@ def judge_lines(
     """
     world.has_passed_red[rows] = False
     roads, signals = world.roads.alone, world.signals
-    passed = roads.derived(StopLines).find_passed(signals, *nose, heading, world.z[rows])
+    index, lane = roads.derived(StopLines).find_passed(signals, *nose, heading, world.z[rows])
     open_lines = world.open_line[rows]
     if open_lines.any():
         at = open_lines.nonzero()[0]
         those = rows[at]
-        is_last = np.isin(at, passed.index)  # the next line is passed already
+        is_last = np.isin(at, index)  # the next line is passed already
         is_decided, is_red = settle(roads, world.open_line[those] - 1, world.open_reds[those], nose[1][at], is_last)
         world.has_passed_red[those[is_red]] = True
         world.num_red_lights[those[is_red]] += 1
         done = those[is_decided]
         world.open_line[done] = world.open_reds[done] = 0
-    if not len(passed.index):
+    if not len(index):
         return
-    those = rows[passed.index]
+    those = rows[index]
     world.num_stop_lines[those] += 1
-    red, every = find_red_lanes(roads, signals, passed.lane, world.own_lights(those, np.zeros_like(those)))
+    red, every = find_red_lanes(roads, signals, lane, world.own_lights(those, np.zeros_like(those)))
     is_red = (red == every) & (red != 0)
     world.has_passed_red[those[is_red]] = True
     world.num_red_lights[those[is_red]] += 1
     is_open = (red != 0) & (red != every)
-    world.open_line[those[is_open]] = passed.lane[is_open] + 1
+    world.open_line[those[is_open]] = lane[is_open] + 1
     world.open_reds[those[is_open]] = red[is_open]
 
 

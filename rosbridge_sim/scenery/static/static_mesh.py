@@ -58,6 +58,6 @@ def origin_of(roads: Roads) -> FloatArray:
     """
     if not len(roads):
         return np.zeros(3)
-    points = roads.points[~find_far_lanes(roads)[np.repeat(np.arange(len(roads)), np.diff(roads.first))], :2]
+    points = roads.points[~find_far_lanes(roads)[roads.lane_of_point], :2]
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return np.array([*(100.0 * np.round(middle / 100.0)), 0.0])

@@ -210,7 +210,7 @@ def _extent(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArr
 
 def _shown(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArray]:
     """Return the points of the roads that are shown, (k, 2), and the places of all entities, (a, 2) [m]."""
-    is_shown = np.repeat(~find_far_lanes(roads), np.diff(roads.first))
+    is_shown = ~find_far_lanes(roads)[roads.lane_of_point]
     places = np.array([(agent.x, agent.y) for agent in agents]).reshape(-1, 2)
     return roads.points[is_shown, :2], places
 

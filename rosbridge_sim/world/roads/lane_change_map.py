@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, nearest_on_polyline
-from rosbridge_sim.world.roads.lane_conflicts import Links
+from rosbridge_sim.world.roads.lane_conflicts import make_links
 from rosbridge_sim.world.roads.roads import Roads
 
 LEFT, RIGHT = 0, 1
@@ -58,7 +58,6 @@ class LaneNeighbours:
 
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
-        num = len(roads)
         named = np.stack((roads.left, roads.right))
         self.may = named >= 0
         self.has_side: BoolArray = self.may[LEFT] | self.may[RIGHT]
@@ -74,11 +73,9 @@ class LaneNeighbours:
         for side in range(NUM_SIDES):
             for lane in np.flatnonzero(self.beside[side] >= 0).tolist():
                 self._measure(side, lane)
-        count = np.diff(roads.first_successor)
         self.group, self.place = self._groups()
-        before = np.repeat(np.arange(num, dtype=np.int64), count)
-        self.before = _links(num, roads.successor, before)
-        self.merge_side = self._merge_sides(count > 0)
+        self.before = make_links(len(roads), roads.successor, roads.predecessor)
+        self.merge_side = self._merge_sides(np.diff(roads.first_successor) > 0)
         is_fast = roads.speed_limit >= KEEP_RIGHT_FROM - ROUNDING
         is_free = (self.beside < 0) | self.may
         refuses = ~(is_fast & is_free.all(axis=0))
@@ -151,10 +148,3 @@ class LaneNeighbours:
             if all((lanes < 0).all() for lanes in at):
                 break
         return found
-
-
-def _links(num: int, lane: IntArray, other: IntArray) -> Links:
-    """Return pairs (k,) of lanes as links."""
-    order = np.lexsort((other, lane))
-    first = np.searchsorted(lane[order], np.arange(num + 1)).astype(np.int64)
-    return Links(first, other[order], np.zeros(len(order)))

@@ -170,11 +170,11 @@ class LaneConflicts:
         pairs = _overlaps(roads, curvature)
         is_sibling = _start_together(roads, pairs.lane, pairs.other)
         num = len(roads)
-        self.siblings = _links(num, pairs.lane[is_sibling], pairs.other[is_sibling], pairs.to_s[is_sibling])
+        self.siblings = make_links(num, pairs.lane[is_sibling], pairs.other[is_sibling], pairs.to_s[is_sibling])
         self.shared = np.zeros(num)
         np.maximum.at(self.shared, pairs.lane[is_sibling], pairs.to_s[is_sibling])
         self.gives_way = np.zeros(num, dtype=bool)
-        self.gives_way[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
+        self.gives_way[roads.successor[roads.is_stop[roads.predecessor]]] = True
         self.joins = find_joins(
             roads, self.gives_way, pairs.lane, pairs.other, pairs.from_s, pairs.to_s, pairs.other_to_s
         )
@@ -182,7 +182,7 @@ class LaneConflicts:
         for one, two in self.joins.lanes:
             rival &= ~(((pairs.lane == one) & (pairs.other == two)) | ((pairs.lane == two) & (pairs.other == one)))
         lane, other = pairs.lane[rival], pairs.other[rival]
-        self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
+        self.rivals = make_links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
         order = np.lexsort((other, lane))
         self.rival_from = pairs.from_s[rival][order]
         self.rival_passes = (pairs.is_wide[rival] & _are_one_road(roads, lane, other))[order]
@@ -199,11 +199,11 @@ class LaneConflicts:
         np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL_MARGIN)
 
 
-def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Links:
-    """Return pairs (k,) of lanes as links, sorted by lane and other."""
+def make_links(num: int, lane: IntArray, other: IntArray, figure: FloatArray | None = None) -> Links:
+    """Return pairs (k,) of lanes as links, sorted by lane and other; without figures these are 0."""
     order = np.lexsort((other, lane))
     first = np.searchsorted(lane[order], np.arange(num + 1)).astype(np.int64)
-    return Links(first, other[order], figure[order])
+    return Links(first, other[order], np.zeros(len(order)) if figure is None else figure[order])
 
 
 # Safe speeds
@@ -211,7 +211,7 @@ def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Lin
 
 def _curvature(roads: Roads) -> FloatArray:
     """Return the curvature of the line at each point, (n,) [1/m]: of the circle through three places of the line."""
-    lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
+    lane = roads.lane_of_point
     if not len(lane):
         return np.zeros(0)
     to_next = np.diff(roads.s, append=0.0)
@@ -228,10 +228,9 @@ def _curvature(roads: Roads) -> FloatArray:
 
 def _safe_speeds(roads: Roads, curvature: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return `LaneConflicts.limit_speed` and `bend_speed`; `curvature` is (n,), at each point of the roads [1/m]."""
-    lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
-    limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, DEFAULT_SPEED_LIMIT)[lane]
+    limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, DEFAULT_SPEED_LIMIT)[roads.lane_of_point]
     bend = np.fmin(np.fmax(np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9)), MIN_SAFE_SPEED), MAX_BEND_SPEED)
-    return _braking_before(roads, lane, limit), _braking_before(roads, lane, bend)
+    return _braking_before(roads, limit), _braking_before(roads, bend)
 
 
 def foresight(speed: FloatArray, reaction: FloatArray | float) -> FloatArray:
@@ -255,7 +254,7 @@ def _foresee(roads: Roads, value: FloatArray, reach: FloatArray) -> tuple[FloatA
     """
     if not len(value):
         return value, value, value
-    lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
+    lane = roads.lane_of_point
     end = roads.base[lane] + np.fmin(roads.s + reach, roads.length[lane])
     point = np.arange(len(value))
     beyond = np.fmax(roads.chain.searchsorted(end, side="right"), point + 1)
@@ -267,20 +266,20 @@ def _foresee(roads: Roads, value: FloatArray, reach: FloatArray) -> tuple[FloatA
     return value, least, slope
 
 
-def _braking_before(roads: Roads, lane: IntArray, speed: FloatArray) -> FloatArray:
+def _braking_before(roads: Roads, speed: FloatArray) -> FloatArray:
     """Return speeds at the points of the roads, (n,), low enough to brake with `COMFORT` to those that come [m/s].
 
     Args:
         lane: (n,) int64, the lane of each point.
         speed: (n,) the greatest speed at each point [m/s].
     """
-    if not len(lane):
+    if not len(speed):
         return speed
     square = np.square(speed)
     # Slow enough for all that follows on the lane: v^2 + 2 b s never rises backwards. The lanes are set apart on the
     # scale by more than any speed amounts to, so that one sweep does for all lanes.
     along = 2.0 * COMFORT * roads.s
-    apart = (1.0 + square.max() + along.max()) * lane
+    apart = (1.0 + square.max() + along.max()) * roads.lane_of_point
     lowest = np.minimum.accumulate((square + along + apart)[::-1])[::-1] - apart
     return np.asarray(np.sqrt(np.maximum(lowest - along, 0.0)))
 
@@ -302,9 +301,7 @@ def _legs(roads: Roads) -> FloatArray:
 
 def _onward(roads: Roads) -> Links:
     """Return `LaneConflicts.onward`."""
-    count = np.diff(roads.first_successor)
-    lane = np.repeat(np.arange(len(roads), dtype=np.int64), count)
-    other = roads.successor
+    lane, other = roads.predecessor, roads.successor
     is_open = np.ones(len(roads), dtype=bool)
     while True:  # from the dead ends backwards: at most once for each lane, usually a few times
         leads_on = _spread(roads, np.bincount(lane[is_open[other]], minlength=len(roads)) > 0)
@@ -312,7 +309,7 @@ def _onward(roads: Roads) -> Links:
             break
         is_open &= leads_on
     keeps = is_open[other] | ~is_open[lane]
-    return _links(len(roads), lane[keeps], other[keeps], np.zeros(int(keeps.sum())))
+    return make_links(len(roads), lane[keeps], other[keeps])
 
 
 def _spread(roads: Roads, leads_on: BoolArray) -> BoolArray:
@@ -410,10 +407,8 @@ def _near(place: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
 
 def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return for pairs of lanes (k,) whether one follows the other, or one may change from one to the other."""
-    count = np.diff(roads.first_successor)
-    begin = np.repeat(np.arange(len(roads), dtype=np.int64), count)
-    num = len(roads)
-    known = np.concatenate([begin * num + roads.successor, roads.successor * num + begin])
+    num, before, after = len(roads), roads.predecessor, roads.successor
+    known = np.concatenate([before * num + after, after * num + before])
     is_beside = (roads.left[lane] == other) | (roads.right[lane] == other)
     is_beside |= (roads.left[other] == lane) | (roads.right[other] == lane)  # in maps that name it on one side only
     return np.asarray(is_among(lane * num + other, known) | is_beside)

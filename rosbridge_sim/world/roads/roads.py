@@ -80,6 +80,7 @@ class Roads:
         segments: the straight segments of all lanes.
         first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
             are the rows of the lanes that begin where lane `i` ends.
+        lane_of_point, predecessor: (n,) and (k,) int64, the lanes of `points`, and the lanes that `successor` follow.
         base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
             points' places, rising. Between two lanes there is an unused metre [m].
         digest: 16 bytes that stand for all of it.
@@ -153,6 +154,8 @@ class Roads:
         self.speed_limit = np.array(speed_limit, dtype=np.float64)
         self.first_successor = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
         self.successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
+        self.lane_of_point = np.arange(num).repeat(count)
+        self.predecessor = np.arange(num).repeat(np.diff(self.first_successor))
         self.border = (0.5 * self.width).repeat(count)[:, None].repeat(2, axis=1)
         self.bank = np.zeros((len(self.points), 2))
         for column, tables in ((self.border, borders), (self.bank, banks)):
@@ -416,11 +419,10 @@ class Roads:
 
     def _measure(self) -> None:
         """Work out segments, arc lengths and turns."""
-        lane_of_point = np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.first))
         is_last = np.zeros(len(self.points), dtype=bool)
         is_last[self.first[1:] - 1] = True
         point = (~is_last).nonzero()[0]
-        lane = lane_of_point[point]
+        lane = self.lane_of_point[point]
         start, end = self.points[point, :2], self.points[point + 1, :2]
         step = end - start
         length = np.hypot(step[:, 0], step[:, 1])
@@ -442,7 +444,7 @@ class Roads:
         chain_end = np.cumsum(gap)
         self.chain = chain_end - gap
         self.base = self.chain[self.first[:-1]]
-        self.s = self.chain - self.base[lane_of_point]
+        self.s = self.chain - self.base[self.lane_of_point]
         self.length: FloatArray = self.s[self.first[1:] - 1]
         self.last_leg = self.first[1:] - 2
         self.leg_end_of = np.append(self.s[1:], 0.0)

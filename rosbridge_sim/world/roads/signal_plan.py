@@ -316,9 +316,7 @@ class SignalPlan:
         for lane in np.flatnonzero(self.light_of_lane >= 0).tolist():
             if not ever[self.light_of_lane[lane]] & int(self.pass_of_lane[lane]):
                 self.pass_of_lane[lane] |= _GREEN
-        num_successors = np.diff(roads.first_successor)
-        owner = np.arange(num, dtype=np.int64).repeat(num_successors)
-        self.is_before_light = np.bincount(owner, self.light_of_lane[roads.successor] >= 0, num) > 0.0
+        self.is_before_light = np.bincount(roads.predecessor, self.light_of_lane[roads.successor] >= 0, num) > 0.0
         # Turns without a light, beside others that have one, lie in the same intersection.
         lit = np.flatnonzero(self.controller_of_lane >= 0).tolist()
         inside = {lane: int(self.controller_of_lane[lane]) for lane in lit}

@@ -253,12 +253,11 @@ class Signals(ShownLights):
     def restored(cls, saved: SignalsSnapshot) -> Signals:
         """Return the lights as a snapshot has them; the snapshot can be used again."""
         signals = cls(saved.plan)
-        signals._restore(saved)
+        signals._origin, signals._forced, signals._until = (
+            column.copy() for column in (saved.origin, saved.forced, saved.until)
+        )
+        signals.show(saved.frame)
         return signals
-
-    def _restore(self, saved: SignalsSnapshot) -> None:
-        self._origin, self._forced, self._until = saved.origin.copy(), saved.forced.copy(), saved.until.copy()
-        self.show(saved.frame)
 
     def digest(self) -> bytes:
         """Return bytes that are equal for equal states, and for those alone."""

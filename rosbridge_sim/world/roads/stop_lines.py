@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, in_columns, ranges
 from rosbridge_sim.world.roads.roads import LEVEL, Roads
@@ -34,18 +33,6 @@ MAX_BEHIND: Final = 62
 """Lanes behind a line whose lights are told apart: bits of a positive int64. No map has ten."""
 
 
-class Passed(Record):
-    """Stop lines that points have come over, at most one for each point; (m,) each.
-
-    Attributes:
-        index: int64, index of the point, rising.
-        lane: int64, row of the lane that ends at the line.
-    """
-
-    index: IntArray
-    lane: IntArray
-
-
 class StopLines:
     """The ends of all lanes of a map; get it by `roads.derived(StopLines)`. Lights say which are stop lines."""
 
@@ -64,8 +51,10 @@ class StopLines:
 
     def find_passed(
         self, signals: ShownLights, first: ComplexArray, last: ComplexArray, heading: ComplexArray, z: FloatArray
-    ) -> Passed:
-        """Return the stop lines that points have come over in the lanes' direction.
+    ) -> tuple[IntArray, IntArray]:
+        """Return the stop lines that points have come over in the lanes' direction, at most one for each point.
+
+        Returns indices of the points, rising, and the lanes that end at the lines; (m,) int64 each.
 
         Args:
             first: (k,) places before the step, east + i north [m].
@@ -75,19 +64,19 @@ class StopLines:
         """
         lines, grid = self._lines_of(signals.plan)
         if not len(lines):
-            return Passed(lines, lines)
+            return lines, lines
         index, line = grid.find(in_columns(last.real, last.imag))
         lane = lines[line]
         if not self._roads.is_flat:
             is_level = np.abs(self._height[lane] - z[index]) < LEVEL
             index, lane = index[is_level], lane[is_level]
         if not len(index):
-            return Passed(index, lane)
+            return index, lane
         into = self._ahead[lane].conj()
         before, after = (first[index] - self._end[lane]) * into, (last[index] - self._end[lane]) * into
         at = ((before.real <= 0.0) & (after.real > 0.0) & ((heading[index] * into).real > 0.0)).nonzero()[0]
         if not len(at):
-            return Passed(index[at], lane[at])
+            return index[at], lane[at]
         index, lane, before, after = index[at], lane[at], before[at], after[at]
         share = before.real / (before.real - after.real)
         beside = before.imag + share * (after.imag - before.imag)
@@ -95,7 +84,7 @@ class StopLines:
         index, lane = index[at], lane[at]
         order = np.lexsort((lane, np.abs(beside[at]), index))
         best = order[np.diff(index[order], prepend=-1).nonzero()[0]]
-        return Passed(index[best], lane[best])
+        return index[best], lane[best]
 
     def lines_of(self, plan: SignalPlan) -> FloatArray:
         """Return the places of stop lines and unit vectors ahead, (k, 4) east, north, east, north.
