@@ -6,12 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.world.geometry.block_grid import CELL_COLUMN
 from rosbridge_sim.world.geometry.near_pairs import find_share
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
-
-_COLUMN = 1 << 32
-"""Key stride: + `_COLUMN` moves one cell east, + 1 one cell north."""
 
 MAX_COMPARED: Final = 1 << 16
 """Pairs that are compared, at most: 1,000 people at 0.8 for each square metre. More is a heap (8,000 people on one spot
@@ -55,11 +53,11 @@ def find_neighbours(  # noqa: PLR0917 - two sets of places
         place, other = (away < reach * reach).nonzero()
         return place, other
     column, line = np.floor(other_x / reach).astype(np.int64), np.floor(other_y / reach).astype(np.int64)
-    number = column * _COLUMN + line
+    number = column * CELL_COLUMN + line
     order = number.argsort(kind="stable")
     number = number[order]
-    here = np.floor(x / reach).astype(np.int64) * _COLUMN + np.floor(y / reach).astype(np.int64)
-    cells = (here[:, None] + np.array([-_COLUMN, 0, _COLUMN])).ravel()
+    here = np.floor(x / reach).astype(np.int64) * CELL_COLUMN + np.floor(y / reach).astype(np.int64)
+    cells = (here[:, None] + np.array([-CELL_COLUMN, 0, CELL_COLUMN])).ravel()
     start = number.searchsorted(cells - 1, side="left")
     count = number.searchsorted(cells + 1, side="right") - start
     if count.sum() > MAX_COMPARED:
