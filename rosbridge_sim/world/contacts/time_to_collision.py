@@ -18,7 +18,16 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, in_columns
+from rosbridge_sim.world.contacts.collisions import TOUCHING
+from rosbridge_sim.world.geometry.planar import (
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    as_parts,
+    in_columns,
+    octagon,
+)
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.world.state.world_rows import WorldRows
@@ -38,9 +47,6 @@ NO_MOTION: Final[ComplexArray] = np.zeros((3, 2, 0), dtype=np.complex128)
 
 MAX_RISE: Final = 50.0
 """Greatest rise that is guessed from the present slope [m]: 10 % for 10 s at 50 m/s."""
-
-TOUCHING: Final = 1e-6
-"""By how much two boxes must overlap to touch [m], as in `collisions`."""
 
 FEW: Final = 256
 """Of fewer pairs in many worlds all are looked at."""
@@ -280,18 +286,11 @@ def _first_touch(apart: ComplexArray, towards: ComplexArray, heading: ComplexArr
         half: (2, m, 2) half of length and width of each [m].
     """
     into = heading.conj()
-    between = heading[0] * into[1]
-    cos, sin = np.abs(between.real)[:, None], np.abs(between.imag)[:, None]
     # Half the width of the four strips: (along, across) the one box, then the other.
-    strip = half + half[::-1] * cos + half[::-1, ..., ::-1] * sin - TOUCHING
-    place, speed = _parts(apart * into), _parts(towards * into)
+    strip = octagon(heading[0] * into[1], half) - TOUCHING
+    place, speed = as_parts(apart * into), as_parts(towards * into)
     # Without motion across a strip: in it for ever, or never.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         one, other = (-strip - place) / speed, (strip - place) / speed
     enters, leaves = np.minimum(one, other).max(axis=(0, 2)), np.maximum(one, other).min(axis=(0, 2))
     return np.where((enters <= leaves) & (leaves >= 0.0), np.maximum(enters, 0.0), np.inf)
-
-
-def _parts(vectors: ComplexArray) -> FloatArray:
-    """Return complex vectors (...) as real ones (..., 2)."""
-    return vectors.view(np.float64).reshape(*vectors.shape, 2)

@@ -206,8 +206,8 @@ def do_boxes_meet(first: ComplexArray, last: ComplexArray, heading: ComplexArray
     """
     middle, slide = (first + last) * 0.5, (last - first) * 0.5
     into = heading.conj()
-    to_other, along_slide = np.abs(_parts(middle * into)), np.abs(_parts(slide * into))
-    reach = _octagon(heading[0] * into[1], half)
+    to_other, along_slide = np.abs(as_parts(middle * into)), np.abs(as_parts(slide * into))
+    reach = octagon(heading[0] * into[1], half)
     is_in = to_other <= reach + along_slide
     is_near: BoolArray = is_in[0] & is_in[1]
     is_near = is_near[..., 0] & is_near[..., 1]
@@ -232,11 +232,11 @@ def box_gaps(apart: ComplexArray, heading: ComplexArray, half: FloatArray) -> Fl
         (m,) a distance that they have at least [m]; below zero where boxes overlap.
     """
     into = heading.conj()
-    strips = np.abs(_parts(apart * into)) - _octagon(heading[0] * into[1], half)
+    strips = np.abs(as_parts(apart * into)) - octagon(heading[0] * into[1], half)
     return np.asarray(strips.max(axis=(0, 2)))
 
 
-def _octagon(between: ComplexArray, half: FloatArray) -> FloatArray:
+def octagon(between: ComplexArray, half: FloatArray) -> FloatArray:
     """Return how far the octagon of two boxes reaches along the normals of each one's edges, in its own frame [m].
 
     Args:
@@ -248,7 +248,7 @@ def _octagon(between: ComplexArray, half: FloatArray) -> FloatArray:
     return reach
 
 
-def _parts(vectors: ComplexArray) -> FloatArray:
+def as_parts(vectors: ComplexArray) -> FloatArray:
     """Return complex vectors (...) as real ones (..., 2)."""
     return vectors.view(np.float64).reshape(*vectors.shape, 2)
 

@@ -14,7 +14,7 @@ import numpy as np
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, distinct
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, Segments, X, Y
-from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
 SAMPLE: Final = 0.25
@@ -109,7 +109,7 @@ def _are_on_road(roads: Roads, x: FloatArray, y: FloatArray) -> BoolArray:
     for start in range(0, len(x), PART):
         part = slice(start, start + PART)
         owner, places = roads.within(x[part], y[part], np.full(len(x[part]), reach))
-        left, right = roads.beside(LanePlaces(places.lane, places.s, places.lateral, places.distance, places.yaw))
+        left, right = roads.beside(places)
         is_on[start + owner[np.fmin(left, right) > -KERB]] = True
     return is_on
 
