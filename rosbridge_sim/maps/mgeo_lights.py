@@ -33,7 +33,7 @@ from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, 
 from rosbridge_sim.maps.road_map import Crosswalk
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan, Walk
-from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.world import in_frames
 
 T = TypeVar("T")
 
@@ -390,16 +390,16 @@ def _controller(
             notes.append(f"{where}: {len(colours)} colours for {len(groups)} groups; the others are red")
         lit = [int(Lamp.RED) if colour is None else colour for colour in colours]
         lit += [int(Lamp.RED)] * (len(groups) - len(lit))
-        phases.append(Phase(max(1, _frames(state.duration)), tuple(lit)))
-    given = [_frames(seconds) for seconds in (schedule.yelloduration or ())[: len(groups)]]
-    yellow = given + [_frames(DEFAULT_YELLOW)] * (len(groups) - len(given))
+        phases.append(Phase(max(1, in_frames(state.duration)), tuple(lit)))
+    given = [in_frames(seconds) for seconds in (schedule.yelloduration or ())[: len(groups)]]
+    yellow = given + [in_frames(DEFAULT_YELLOW)] * (len(groups) - len(given))
     walks = []
     for phase, target, *times in schedule.PSState or ():
         group = _group_number(target, groups, synced)
         if group is None or not 0 <= phase < len(phases):
             notes.append(f"schedule {name!r}: PSState of phase {phase} and group {target!r}, which are not there")
             continue
-        walks.append(Walk(phase, group, *map(_frames, times)))
+        walks.append(Walk(phase, group, *map(in_frames, times)))
     return Controller(plain.name, plain.number, plain.groups, tuple(phases), tuple(yellow), tuple(walks))
 
 
@@ -410,10 +410,6 @@ def _group_number(target: str, groups: Sequence[tuple[int, ...]], synced: Mappin
         return int(number[1]) if int(number[1]) < len(groups) else None
     lights = set(synced.get(target, ()))
     return next((i for i, group in enumerate(groups) if lights & set(group)), None)
-
-
-def _frames(seconds: float) -> int:
-    return round(seconds / DT)
 
 
 def _passes(lanes: Lanes) -> Iterator[int]:

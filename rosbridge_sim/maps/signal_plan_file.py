@@ -17,7 +17,7 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import replace
 from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.world.roads.signal_plan import GREENS, Controller, Lamp, Phase, SignalPlan
-from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.world import in_frames
 
 MAX_PLAN_BYTES: Final = 10_000_000
 
@@ -84,11 +84,11 @@ def _make_controller(plan: SignalPlan, one: Controller, junction: _JunctionOfFil
             _colour(plan, group, bool(set(own) & set(phase.green)))
             for group, own in zip(one.groups, names, strict=True)
         )
-        phases.append(Phase(max(1, round(phase.seconds / DT)), colours))
+        phases.append(Phase(max(1, in_frames(phase.seconds)), colours))
         if junction.all_red:
-            phases.append(Phase(max(1, round(junction.all_red / DT)), (int(Lamp.RED),) * len(one.groups)))
+            phases.append(Phase(max(1, in_frames(junction.all_red)), (int(Lamp.RED),) * len(one.groups)))
     yellow = tuple(
-        0 if all(plan.lights[row].is_pedestrian for row in group) else round(junction.yellow / DT)
+        0 if all(plan.lights[row].is_pedestrian for row in group) else in_frames(junction.yellow)
         for group in one.groups
     )
     return Controller(one.name, one.number, one.groups, tuple(phases), yellow)

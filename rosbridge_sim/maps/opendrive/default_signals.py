@@ -24,7 +24,7 @@ from rosbridge_sim.maps.opendrive.signal_elements import LanesOfRoads, SignalGro
 from rosbridge_sim.world.roads.lane_conflicts import DEFAULT_SPEED_LIMIT
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Phase, SignalPlan, Walk
-from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.state.world import in_frames
 
 GREEN: Final = 20.0
 REACTION, BRAKING = 1.0, 3.05
@@ -129,20 +129,20 @@ def _plan_junction(roads: Roads, lanes: LanesOfRoads, name: str, groups: Sequenc
         times = [(WALK, groups[row].width / WALKING_SPEED) for row in crossing]
         length = max([GREEN, *map(sum, times)] if len(crossing) < len(own) else [*map(sum, times)])
         walks += [
-            Walk(len(phases), row, 0, _frames(green), _frames(flashing))
+            Walk(len(phases), row, 0, in_frames(green), in_frames(flashing))
             for row, (green, flashing) in zip(crossing, times, strict=True)
         ]
         lit = [Lamp.GREEN if row in own else Lamp.RED for row in range(len(groups))]
-        phases.append(Phase(_frames(length), tuple(map(int, lit))))
+        phases.append(Phase(in_frames(length), tuple(map(int, lit))))
         pause = red if len(chosen) > 1 else ALONE
-        phases.append(Phase(_frames(pause), (int(Lamp.RED),) * len(groups)))
+        phases.append(Phase(in_frames(pause), (int(Lamp.RED),) * len(groups)))
     number = re.search(r"\d+$", name)
     return Controller(
         name,
         int(number[0]) % 2**31 if number else 0,
         tuple(group.lights for group in groups),
         tuple(phases),
-        tuple(_frames(0.0 if group.is_pedestrian else yellow) for group in groups),
+        tuple(in_frames(0.0 if group.is_pedestrian else yellow) for group in groups),
         tuple(walks),
     )
 
@@ -199,7 +199,3 @@ def _clearance(roads: Roads, lanes: LanesOfRoads, groups: Sequence[SignalGroup])
     yellow = min(max(REACTION + speed / (2.0 * BRAKING), LEAST_YELLOW), MOST_YELLOW)
     red = min(max((way + VEHICLE) / speed, LEAST_RED), MOST_RED)
     return math.ceil(10.0 * yellow) / 10.0, math.ceil(10.0 * red) / 10.0
-
-
-def _frames(seconds: float) -> int:
-    return round(seconds / DT)

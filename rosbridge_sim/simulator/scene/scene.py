@@ -33,7 +33,6 @@ from rosbridge_sim.scenarios.scenario_reader import place_on_roads, sort_phases
 from rosbridge_sim.simulator.scene.load import WHOLE, FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, FIRST_UID, MAX_ENTITIES, MAX_FILE_UID
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
-from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import DT, Body, Gear, Kind, Snapshot, World
@@ -409,12 +408,15 @@ def populate(world: World, load: Load, plan: SignalPlan, next_uid: int, limits: 
         is_ego = world.kind[world.row(uid)] == Kind.EGO
         if (uid == FIRST_EGO and load.egos) if is_ego else load.is_clearing:
             world.remove(uid)
-    if not _are_laid(world, load.road_map.roads, plan):
-        world.lay_roads(load.road_map.roads, plan)
+    roads = load.road_map.roads
+    has_lanes = world.roads is roads or world.roads.digest == roads.digest
+    if not (has_lanes and world.signals.plan.digest == plan.digest):
+        world.lay_roads(roads, plan)
     for start in load.phases:
         _set_phase(world, start)
     for ego in load.egos:
-        _spawn(world, _hold_back(ego, limits), FIRST_EGO, ego.gear)
+        model = replace(ego.model, body=_limit_speed_mode(ego.model.body, limits))
+        _spawn(world, replace(ego, model=model), FIRST_EGO, ego.gear)
     uids, next_uid = _choose_uids(load.others, next_uid)
     starts = []
     with world.room_for(len(uids)):
@@ -450,15 +452,6 @@ def _log_notes(found: FoundMap) -> RoadMap:
     return found.road_map
 
 
-def _are_laid(world: World, roads: Roads, plan: SignalPlan) -> bool:
-    """Return whether the world has the lanes and lights of a map, by their content.
-
-    The same map may be there twice: read again from its files, or by a restored snapshot. If the lights began anew for
-    the second one, a restored world would not do the same as the saved one.
-    """
-    return (world.roads is roads or world.roads.digest == roads.digest) and world.signals.plan.digest == plan.digest
-
-
 def _set_phase(world: World, start: PhaseStart) -> None:
     """Set the phase of an intersection; if its elapsed time is longer than the phase, set the end of the phase."""
     signals = world.signals
@@ -466,11 +459,6 @@ def _set_phase(world: World, start: PhaseStart) -> None:
     controller = names.index(start.controller)
     last = signals.phase_length(controller, start.phase) - 1
     signals.set_phase(controller, start.phase, min(round(start.elapsed / DT), last))
-
-
-def _hold_back(ego: Spawn, limits: SpeedLimits | None) -> Spawn:
-    """Return the ego with these limits of its speed mode."""
-    return replace(ego, model=replace(ego.model, body=_limit_speed_mode(ego.model.body, limits)))
 
 
 def _limit_speed_mode(body: Body, limits: SpeedLimits | None) -> Body:

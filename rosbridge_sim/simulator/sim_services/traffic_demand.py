@@ -33,7 +33,7 @@ from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_spe
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER
 from rosbridge_sim.world.roads.routing import KnownRoutes
-from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.state.world import Kind, World, in_frames
 
 MAX_TRAFFIC: Final = 10_000
 """Largest `--traffic`: what one step is made for."""
@@ -259,11 +259,11 @@ class Traffic(Component):
 
     def _first_wait(self, number: int, point: SpawnPoint) -> int:
         """Return the frames until the first vehicle of a point."""
-        return _frames(point.wait) if point.wait >= 0.0 else self._period(number, point)
+        return in_frames(point.wait) if point.wait >= 0.0 else self._period(number, point)
 
     def _period(self, number: int, point: SpawnPoint) -> int:
         """Return the frames from a vehicle to the next one; the number of vehicles made so far chooses."""
-        return max(_frames(_between(*point.period, self._chance(number, "period"))), 1)
+        return max(in_frames(_between(*point.period, self._chance(number, "period"))), 1)
 
     def _chance(self, number: int, question: str) -> float:
         """Return a number from 0 to below 1 for the next vehicle of a point."""
@@ -385,7 +385,7 @@ class Traffic(Component):
             return
         if self._fill_due == 0:
             wait = -math.log(1.0 - self._chance(_FILL, "arrival")) * MEAN_ABSENCE / num_missing
-            self._fill_due = world.frame + max(_frames(wait), 1)
+            self._fill_due = world.frame + max(in_frames(wait), 1)
         if world.frame < self._fill_due:
             return
         slots = world.roads.derived(LaneSlots.of)
@@ -430,7 +430,3 @@ def _read_mix(context: TrafficHost) -> list[tuple[Model, float]]:
 
 def _between(low: float, high: float, share: float) -> float:
     return low if low == high else low + (high - low) * share
-
-
-def _frames(seconds: float) -> int:
-    return round(seconds / DT)

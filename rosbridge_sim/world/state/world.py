@@ -74,6 +74,12 @@ __all__ = [
 DT: Final = 0.02
 """Length of a step [s]: MORAI's own, 50 frames a second."""
 
+
+def in_frames(seconds: float) -> int:
+    """Return a time as a number of steps."""
+    return round(seconds / DT)
+
+
 STEP_NS: Final = 20_000_000
 """Length of a step [ns]."""
 
