@@ -80,7 +80,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Compile and load the loops once for all forks."""
     config = session.config
-    if not config.getoption("--processes") or config.option.collectonly or config.getoption("--arrays"):
+    if not config.getoption("--processes") or config.option.collectonly or not _may_have_loops(config):
         return
     if any("loops" in getattr(item, "fixturenames", ()) for item in session.items):
         from rosbridge_sim.shell.kernels.compiler import NoKernelsError  # noqa: PLC0415 - most runs need none
@@ -193,6 +193,11 @@ def shared_work() -> None:
         import_module("tests.kept_work").share_work()
 
 
+def _may_have_loops(config: pytest.Config) -> bool:
+    """Whether the fixture `loops` does something; `--long` drives by arrays what the quick run drives by loops."""
+    return not (config.getoption("--arrays") or config.getoption("--long"))
+
+
 @pytest.fixture(scope="module")
 def loops(pytestconfig: pytest.Config) -> Iterator[None]:
     """Drive the worlds of a file by compiled loops if there is a compiler: a third of the time for vehicles.
@@ -202,7 +207,7 @@ def loops(pytestconfig: pytest.Config) -> Iterator[None]:
     """
     from tests.world.kernels.compiled_loops import compiler, with_loops  # noqa: PLC0415 - most files need no world
 
-    if pytestconfig.getoption("--arrays") or not compiler():
+    if not _may_have_loops(pytestconfig) or not compiler():
         yield
         return
     with with_loops():
