@@ -622,9 +622,9 @@ def test_conflict_with_an_unreadable_setting_is_not_reported(tmp_path: Path) -> 
 
 
 def test_number_of_reported_errors_is_bounded(tmp_path: Path) -> None:
-    lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(5_000))).split("\n")
+    lines = mistake_in(tmp_path, "".join(f"x{i} = 1\n" for i in range(500))).split("\n")
     assert len(lines) == 21
-    assert lines[-1] == "s.toml: 4,980 more mistakes"
+    assert lines[-1] == "s.toml: 480 more mistakes"
 
 
 def test_mock_run_takes_one_file_and_has_no_world() -> None:
