@@ -164,8 +164,12 @@ class _Reader:
         next_uid = self._int("next_uid", 0, MAX_UID + 1)
         self._check_rows(uids, ints, bools, next_uid)
         self._check_floats(floats)
-        ends = floats[FLOATS.index("leg_end")][bools[BOOLS.index("has_lane")]]
-        _expect(not bool((ends < 0.0).any()), "floats.leg_end", "ends of legs of lanes")
+        legs = floats[:, bools[BOOLS.index("has_lane")]]
+        _expect(not bool((legs[FLOATS.index("leg_end")] < 0.0).any()), "floats.leg_end", "ends of legs of lanes")
+        if self._roads.is_flat and len(self._roads):  # a step keeps heights there
+            is_level = legs[FLOATS.index("leg_z")] == self._roads.points[0, 2]
+            is_level &= legs[FLOATS.index("leg_dz")] == 0.0
+            _expect(bool(is_level.all()), "floats.leg_z", "the height of the map")
         _check_divisors(floats[:, bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)])
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)

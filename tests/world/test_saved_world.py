@@ -7,7 +7,7 @@ import math
 import pytest
 
 from rosbridge_sim.world.saved_world import from_plain, to_plain
-from rosbridge_sim.world.state.entity_arrays import FLOATS, INTS
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, car, road
@@ -82,4 +82,24 @@ def test_leg_of_a_path_leads_along_places_on_the_map(column: str, figure: float,
     from_plain(data, world.roads, world.signals.plan)
     data["floats"][FLOATS.index(column), DRIVER] = figure
     with pytest.raises(ValueError, match=rf"floats\.{told}: expected a place on the map"):
+        from_plain(data, world.roads, world.signals.plan)
+
+
+@pytest.mark.parametrize(("column", "figure"), [("leg_z", 1.0), ("leg_dz", -1000.0), ("leg_dz", 5e-324)])
+def test_leg_of_a_lane_is_level_on_a_level_map(column: str, figure: float) -> None:
+    """A step keeps heights there, arrays and loops in different ways."""
+    world = some_world()
+    assert world.roads.is_flat
+    data = to_plain(world.snapshot())
+    data["floats"][FLOATS.index(column), DRIVER] = figure
+    with pytest.raises(ValueError, match=r"floats\.leg_z: expected the height of the map"):
+        from_plain(data, world.roads, world.signals.plan)
+
+
+def test_lane_follower_without_any_road_is_refused() -> None:
+    world = World(0)
+    world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)
+    data = to_plain(world.snapshot())
+    data["bools"][BOOLS.index("has_lane"), 0] = True
+    with pytest.raises(ValueError, match=r"world\.ints\."):
         from_plain(data, world.roads, world.signals.plan)
