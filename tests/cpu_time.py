@@ -40,12 +40,14 @@ def cpu_time(*pids: int) -> float:
         pid, parent = waiting.pop()
         try:
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-            if parent not in {0, int(fields[1])}:
-                continue  # the child has ended, and another process has its number
-            for task in Path(f"/proc/{pid}/task").iterdir():
-                waiting += [(int(child), pid) for child in (task / "children").read_text().split()]
         except OSError:
             continue  # it has ended meanwhile
+        if parent not in {0, int(fields[1])}:
+            continue  # the child has ended, and another process has its number
+        with suppress(OSError):  # likewise
+            for task in list(Path(f"/proc/{pid}/task").iterdir()):
+                with suppress(OSError):  # a thread that has ended; the others have children, too
+                    waiting += [(int(child), pid) for child in (task / "children").read_text().split()]
         ticks += sum(map(int, fields[11:15]))
     return ticks / os.sysconf("SC_CLK_TCK")
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
+import threading
+from pathlib import Path
 
 import pytest
 
@@ -40,3 +43,23 @@ def test_program_without_cpu_time_and_one_with_too_much_are_killed(code: str) ->
         assert program.wait() < 0
         assert stdin is not None
         stdin.close()
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc")
+def test_threads_that_end_meanwhile_take_nothing_from_the_cpu_time() -> None:
+    is_over = threading.Event()
+
+    def start_threads() -> None:
+        while not is_over.is_set():
+            thread = threading.Thread(target=int)
+            thread.start()
+            thread.join()
+
+    starter = threading.Thread(target=start_threads)
+    starter.start()
+    try:
+        figures = [cpu_time(os.getpid()) for _ in range(300)]
+    finally:
+        is_over.set()
+        starter.join()
+    assert figures == sorted(figures)
