@@ -78,17 +78,23 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Compile and load the loops once for all forks."""
+    """Make once for all forks what many of their tests need: compiled loops and, for many tests, maps and types."""
     config = session.config
-    if not config.getoption("--processes") or config.option.collectonly or not _may_have_loops(config):
+    if not config.getoption("--processes") or config.option.collectonly:
         return
-    if any("loops" in getattr(item, "fixturenames", ()) for item in session.items):
+    if _may_have_loops(config) and any("loops" in getattr(item, "fixturenames", ()) for item in session.items):
         from rosbridge_sim.shell.kernels.compiler import NoKernelsError  # noqa: PLC0415 - most runs need none
         from tests.world.kernels.compiled_loops import compiler, library  # noqa: PLC0415 - likewise
 
         if compiler():
             with suppress(NoKernelsError):  # the tests will say it
                 library()
+    if len(session.items) > MANY_TESTS:
+        import_module("tests.shared_worlds").prepare()
+
+
+MANY_TESTS = 5_000
+"""From so many on, nearly all forks have tests of worlds and simulators."""
 
 
 LONGEST = (
