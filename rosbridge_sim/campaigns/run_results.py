@@ -15,6 +15,7 @@ MOST: Final = 1e12
 
 _Number = Annotated[float, msgspec.Meta(ge=-MOST, le=MOST)]
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+_Score = Annotated[int, msgspec.Meta(ge=-int(MOST), le=int(MOST))] | _Number | None  # 0 stays 0 in the table
 _Whole = Annotated[int, msgspec.Meta(ge=1 - 2**63, le=2**63 - 1)]
 
 Point: TypeAlias = Mapping[str, bool | _Whole | float | str]
@@ -134,7 +135,7 @@ class Result:
         values = {"trouble": "", "retries": 0, **values}  # an older version has not written these
         run = {"number" if name == "run" else name: values[name] for name in _OF_RUN}
         rest = {each.name: values[each.name] for each in fields(cls) if each.name != "run"}
-        scores = msgspec.convert(rest.pop("scores"), dict[str, _Number | None])
+        scores = msgspec.convert(rest.pop("scores"), dict[str, _Score])
         found = msgspec.convert({"run": run, **rest}, cls)
         known = [(name, scores[name]) for name in SCORES if name in scores]
         told: dict[str, float] = {name: math.inf if score is None else score for name, score in known}

@@ -137,6 +137,8 @@ def result(number: int, verdict: Verdict = "pass", *, gap: float = 1.0, reason: 
 def test_result_comes_back_from_its_line() -> None:
     for each in (result(1), result(2, "fail", reason="x")):
         assert Result.from_json(each.to_json()) == each
+    counted = replace(result(1), scores={"distance": 0.0, "collisions": 0})
+    assert repr(Result.from_json(counted.to_json()).scores) == repr(counted.scores)  # they differ in the table
     assert Result.from_json(replace(result(1), wall=1.23456, cpu=2.34567).to_json()).wall == 1.2346
 
 
