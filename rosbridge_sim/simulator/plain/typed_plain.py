@@ -32,7 +32,8 @@ def read_as(kind: type[T], data: object, where: str) -> T:
     """
     try:
         return msgspec.convert(data, kind, dec_hook=_read_array, builtin_types=(bytes,))
-    except (ValueError, TypeError, RecursionError) as error:  # msgspec's own errors are ValueErrors
+    # msgspec's own errors are ValueErrors; an array in the place of a dict raises numpy's IndexError.
+    except (ValueError, TypeError, IndexError, RecursionError) as error:
         raise DocumentError(f"{where}: {(str(error).splitlines() or [''])[0]:.200}") from None
 
 
