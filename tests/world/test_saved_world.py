@@ -103,3 +103,13 @@ def test_lane_follower_without_any_road_is_refused() -> None:
     data["bools"][BOOLS.index("has_lane"), 0] = True
     with pytest.raises(ValueError, match=r"world\.ints\."):
         from_plain(data, world.roads, world.signals.plan)
+
+
+def test_lanes_ahead_of_a_driver_have_no_gap() -> None:
+    """Arrays and loops look over one in different ways."""
+    world = some_world()
+    data = to_plain(world.snapshot())
+    for name, lane in (("ahead_1", -1), ("ahead_2", 0)):
+        data["ints"][INTS.index(name), DRIVER] = lane
+    with pytest.raises(ValueError, match=r"ints\.ahead: expected lanes without a gap"):
+        from_plain(data, world.roads, world.signals.plan)
