@@ -197,9 +197,7 @@ class _Reader:
         _expect(not bool(is_wrong.any()), "floats.loose", "egos, and vehicles off lanes and paths")
         followers = ints[INTS.index("uid")][bools[BOOLS.index("has_lane")]]
         _expect(set(routes) <= set(followers.tolist()), "routes", "ids of lane followers")
-        # Beside its route a driver may have one; see `route_choice`.
         ahead = ints[INTS.index("ahead_1") : INTS.index("ahead_5") + 1, bools[BOOLS.index("has_lane")]]
-        ahead = ahead[:, ~np.isin(followers, list(routes))]
         _expect(not bool(((ahead[:-1] < 0) & (ahead[1:] >= 0)).any()), "ints.ahead", "lanes without a gap")
         return Snapshot(
             frame=frame,

@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.world import Kind, World
@@ -105,10 +106,13 @@ def test_lane_follower_without_any_road_is_refused() -> None:
         from_plain(data, world.roads, world.signals.plan)
 
 
-def test_lanes_ahead_of_a_driver_have_no_gap() -> None:
+@pytest.mark.parametrize("route", [[], [0]])
+def test_lanes_ahead_of_a_driver_have_no_gap(route: list[int]) -> None:
     """Arrays and loops look over one in different ways."""
     world = some_world()
+    keep_lane(world, DRIVER, 0, 1.0, route=route)
     data = to_plain(world.snapshot())
+    from_plain(data, world.roads, world.signals.plan)
     for name, lane in (("ahead_1", -1), ("ahead_2", 0)):
         data["ints"][INTS.index(name), DRIVER] = lane
     with pytest.raises(ValueError, match=r"ints\.ahead: expected lanes without a gap"):

@@ -85,7 +85,7 @@ class RouteChoice:
             return chosen
         length = self.length[which]
         index = np.where(self.is_loop[which], turn % np.maximum(length, 1), turn)
-        is_on_route = index < length
+        is_on_route = (index < length) & (lane >= 0)
         if np.count_nonzero(is_on_route):
             first = self.first[which[is_on_route]]
             wanted = self.route[first + index[is_on_route]]
@@ -126,7 +126,7 @@ class RouteChoice:
         """Return the lanes that follow for rows that may be on a lane beside their route.
 
         Args:
-            lane: (k,) int64, where the row is.
+            lane: (k,) int64, where the row is, no dead end.
             before: (k,) int64, lane of the route beside it.
             wanted: (k,) int64, next lane of the route; written.
 
@@ -139,7 +139,7 @@ class RouteChoice:
             return wanted
         neighbours, roads = self.neighbours, self.world.roads
         for i in is_beside.nonzero()[0].tolist():  # few: those who overtake
-            following = roads.successors(int(lane[i])) if lane[i] >= 0 else NO_ROUTE
+            following = roads.successors(int(lane[i]))
             following = following[neighbours.group[following] == neighbours.group[wanted[i]]]
             apart = np.abs(neighbours.place[following] - neighbours.place[wanted[i]])
             wanted[i] = following[apart.argmin()] if len(following) else -1

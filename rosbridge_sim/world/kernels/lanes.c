@@ -87,7 +87,6 @@ static I find_on_route(const K *k, I i, I turn, I *index) {
 /* RouteChoice._beside_route */
 static I find_beside_route(const K *k, I lane, I wanted) {
   I found = -1, nearest = 0;
-  if (lane < 0) return found;
   I in_map = lane % k->num_in_map;
   for (I j = k->first_successor[in_map]; j < k->first_successor[in_map + 1]; j++) {
     I other = k->successor[j] + lane - in_map, apart = k->place[other] - k->place[wanted];
@@ -101,7 +100,8 @@ static I find_beside_route(const K *k, I lane, I wanted) {
 /* RouteChoice.choose */
 static I choose(const K *k, I i, I lane, I turn) {
   I chosen = -1, index;
-  if (lane >= 0 && k->onward_first[lane] < k->onward_first[lane + 1]) {
+  if (lane < 0) return chosen;
+  if (k->onward_first[lane] < k->onward_first[lane + 1]) {
     uint64_t bits = mix(k->salt[i] + (uint64_t)turn);
     I first = k->onward_first[lane], num = k->onward_first[lane + 1] - first;
     if (k->num_bounds) {

@@ -119,6 +119,13 @@ def test_route_leads_also_those_that_are_on_a_lane_beside_it(seed: int) -> None:
     assert any(is_loop for _, is_loop in routes)
 
 
+def test_nothing_follows_beyond_a_dead_end_whatever_the_route_says() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, route="a c e a")
+    choice = RouteChoice(world, np.array([row]))
+    assert choice.choose(np.array([0, 0]), np.array([-1, 0]), np.array([1, 1])).tolist() == [-1, 2]
+
+
 def test_driver_that_chooses_anew_has_other_lanes_ahead_unless_it_has_a_route() -> None:
     world = world_of(ring())
     free, bound = car(world, "a", 1.0), car(world, "a", 30.0, route="a c e")
