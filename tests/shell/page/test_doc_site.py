@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import AsyncIterator
+from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 from urllib.parse import unquote
@@ -23,9 +23,10 @@ DOCS = ROOT / "docs"
 PLACE = re.compile(r'(?:href|src)="([^"]*)"')
 
 
-@pytest.fixture
-async def sim() -> AsyncIterator[Simulator]:
-    async with Simulator(port=0) as sim:
+@pytest.fixture(scope="module")
+def sim() -> Iterator[Simulator]:
+    """A server whose pages are read alone."""
+    with Simulator(port=0, world=False) as sim:
         yield sim
 
 
@@ -89,12 +90,11 @@ async def test_pages_need_no_token() -> None:
             assert (await get(sim, path)).status == 200
 
 
-async def test_installation_without_pages_has_no_site(
-    sim: Simulator, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+async def test_installation_without_pages_has_no_site(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(doc_files, "FOLDERS", (tmp_path,))
-    assert (await get(sim, "/docs/")).status == 404
-    assert sim.num_bugs == 0
+    async with Simulator(port=0, world=False) as sim:
+        assert (await get(sim, "/docs/")).status == 404
+        assert sim.num_bugs == 0
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ async def test_page_has_the_values_of_the_service(scenario: str) -> None:
 
 
 async def test_program_that_has_the_map_gets_no_text_until_the_map_changes() -> None:
-    async with Simulator(port=0, scenario="town") as sim, AsyncClient(sim.url, timeout=PATIENCE) as client:
+    async with Simulator(port=0) as sim, AsyncClient(sim.url, timeout=PATIENCE) as client:
         page = await get(sim)
         etag = page.headers["ETag"]
         for known in (etag, f'"other", W/{etag}', "*"):
@@ -84,7 +84,7 @@ async def test_page_follows_the_patterns_and_the_switch_of_the_service() -> None
 
 async def test_map_that_is_too_long_is_refused_with_the_way_to_read_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(map_page, "MAX_TEXT", 1_000)
-    async with Simulator(port=0, scenario="town") as sim:
+    async with Simulator(port=0) as sim:
         page = await get(sim)
         assert page.status == 503
         assert b"page by page from /sim/map" in page.body

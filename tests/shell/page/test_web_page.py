@@ -7,8 +7,9 @@ import gzip
 import io
 import json
 import sys
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
+from functools import cache
 from typing import Any, NamedTuple
 
 import pytest
@@ -49,17 +50,28 @@ async def get(sim: Simulator, path: str, *headers: str, method: str = "GET") -> 
     return Answer(int(first.split()[1]), dict(line.split(": ", 1) for line in lines), body)
 
 
-@pytest.fixture
-async def sim() -> AsyncIterator[Simulator]:
-    async with Simulator(port=0) as sim:
+@pytest.fixture(scope="module")
+def sim() -> Iterator[Simulator]:
+    """A server whose page is read alone."""
+    with Simulator(port=0, start="sync") as sim:
         yield sim
+
+
+@pytest.fixture
+async def new_sim() -> AsyncIterator[Simulator]:
+    """A server that nobody has asked yet."""
+    async with Simulator(port=0, world=False) as sim:
+        yield sim
+
+
+source_of = cache(page_source)
 
 
 @pytest.mark.parametrize("path", PATHS)
 async def test_each_file_has_its_type_and_a_strict_policy(sim: Simulator, path: str) -> None:
     name, kind = PATHS[path]
     answer = await get(sim, path, BROWSER)
-    assert (answer.status, answer.headers["Content-Type"], answer.body) == (200, kind, page_source(name))
+    assert (answer.status, answer.headers["Content-Type"], answer.body) == (200, kind, source_of(name))
     assert answer.headers["Content-Length"] == str(len(answer.body))
     policy = dict(part.strip().split(" ", 1) for part in answer.headers["Content-Security-Policy"].split(";"))
     assert policy == {
@@ -91,7 +103,7 @@ async def test_file_is_compressed_for_those_who_take_it(sim: Simulator, encoding
     is_compressed = encoding in {"gzip", "br, GZIP;q=0.5"}
     assert answer.headers.get("Content-Encoding") == ("gzip" if is_compressed else None)
     assert "Accept-Encoding" in answer.headers["Vary"]
-    assert (gzip.decompress(answer.body) if is_compressed else answer.body) == page_source("js/main.js")
+    assert (gzip.decompress(answer.body) if is_compressed else answer.body) == source_of("js/main.js")
 
 
 @pytest.mark.parametrize("encoding", ["gzip", "identity"])
@@ -183,31 +195,31 @@ def test_frame_ancestor_that_is_no_origin_is_refused(origin: str) -> None:
 
 
 async def test_failure_to_read_the_page_is_logged_and_tried_again(
-    sim: Simulator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    new_sim: Simulator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail() -> None:
         raise JoinError("js/main.js:1: no")
 
     with monkeypatch.context() as patch:
         patch.setattr(web_page, "page_files", fail)
-        answer = await get(sim, "/page.js")
-    assert (answer.status, sim.num_bugs) == (500, 1)
+        answer = await get(new_sim, "/page.js")
+    assert (answer.status, new_sim.num_bugs) == (500, 1)
     assert "js/main.js:1: no" in caplog.text
-    assert (await get(sim, "/page.js")).status == 200
+    assert (await get(new_sim, "/page.js")).status == 200
 
 
 async def test_failure_to_prepare_the_page_is_told_at_the_first_request(
-    sim: Simulator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    new_sim: Simulator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail() -> None:
         raise JoinError("js/main.js:1: no")
 
     with monkeypatch.context() as patch:
         patch.setattr(web_page, "page_files", fail)
-        await sim.prepare_page()
-        assert sim.num_bugs == 0
-        assert (await get(sim, "/page.js")).status == 500
-    assert (await get(sim, "/page.js")).status == 200
+        await new_sim.prepare_page()
+        assert new_sim.num_bugs == 0
+        assert (await get(new_sim, "/page.js")).status == 500
+    assert (await get(new_sim, "/page.js")).status == 200
     assert "never retrieved" not in caplog.text
 
 
