@@ -122,11 +122,15 @@ def test_line_that_is_no_result_is_one_error(tmp_path: Path, line: bytes) -> Non
 
 
 TRACE = "time,x,y,speed,distance,time_to_collision\n"
+ROADS = ("5", "[[1]]", '[[["a", 2]]]')
 
 
-@pytest.mark.parametrize("scene", ["", "7", "[]", "{", '{"roads": 5}', '{"roads": [[1]]}', '{"roads": [[["a", 2]]]}'])
 @pytest.mark.parametrize(
-    "trace", ["", "a,b\n1\n", TRACE, TRACE + "1,1,1,1,1,1\n", TRACE + "1,nan,1,1,1,1\n", "x" * 200_000, TRACE + "\0\n"]
+    ("trace", "scene"),
+    [
+        *((TRACE + "1,1,1,1,1,1\n", scene) for scene in ("", "7", "[]", "{", *(f'{{"roads": {x}}}' for x in ROADS))),
+        *((trace, "7") for trace in ("", "a,b\n1\n", TRACE, TRACE + "1,nan,1,1,1,1\n", "x" * 200_000, TRACE + "\0\n")),
+    ],
 )
 def test_kept_files_with_wrong_values_are_left_out_of_the_page(tmp_path: Path, trace: str, scene: str) -> None:
     folder = write_folder(tmp_path, json.dumps(GOOD).encode())

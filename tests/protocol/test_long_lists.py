@@ -36,8 +36,8 @@ def plain(value: object) -> object:
     return [plain(inner) for inner in value] if isinstance(value, list) else value
 
 
-INTS = [7, -12, 0, 2**62] * 9_000
-FLOATS = [0.5, -1e-7, 3.0, 1e20] * 9_000
+INTS = [7, -12, 0, 2**62] * 3_000
+FLOATS = [0.5, -1e-7, 3.0, 1e20] * 3_000
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ FLOATS = [0.5, -1e-7, 3.0, 1e20] * 9_000
         ({"data": [*INTS, 2**64 - 1]}, 1),
         ({"data": [abs(i) for i in INTS] + [2**64 - 1] * 40_000}, 1),
         ({"data": [*INTS, None]}, 0),
-        ({"data": [INTS[:100]] * 500}, 0),
+        ({"data": [INTS[:100]] * 200}, 0),
         ("\0numbers:0", 0),
     ],
     ids=["ints", "floats", "some", "in a text", "quotes", "mixed", "unsigned", "null", "short", "mark"],
@@ -145,7 +145,7 @@ def test_words_that_json_lacks_are_read_in_a_step_of_their_own() -> None:
 
 
 def test_heavy_frame_is_weighed_in_slices() -> None:
-    frame = publish(b"1," * 3_000_000 + b"1", b',"more":"' + b"e+" * 500_000 + b'"')
+    frame = publish(b"1," * 1_500_000 + b"1", b',"more":"' + b"e+" * 250_000 + b'"')
     assert len(list(decode_frame(frame))) > len(frame) // (256 * 1024)
 
 
@@ -166,13 +166,13 @@ def test_long_list_with_words_that_json_lacks_is_decoded_in_parts() -> None:
 
 @pytest.mark.parametrize("bad", ["NaN NaN", "NaNN", "Infinite", "--Infinity", "NaN,"])
 def test_mistake_in_a_long_list_with_words_is_told(bad: str) -> None:
-    *_, error = decode_frame(publish(WORDS * 20_000 + bad.encode()))
+    *_, error = decode_frame(publish(WORDS * 10_000 + bad.encode()))
     assert isinstance(error, FrameError)
     assert "is not valid JSON" in str(error)
     assert error.op_id == "it"
 
 
 def test_deep_nesting_beside_a_long_list_with_words_is_told() -> None:
-    *_, error = decode_frame(publish(WORDS * 20_000 + b"1", b',"deep":' + b"[" * 3_000 + b"]" * 3_000))
+    *_, error = decode_frame(publish(WORDS * 10_000 + b"1", b',"deep":' + b"[" * 3_000 + b"]" * 3_000))
     assert isinstance(error, FrameError)
     assert "nested too deeply" in str(error)

@@ -54,7 +54,7 @@ def test_png_gives_its_text_back(text: str) -> None:
     assert read(op["data"]) == frame
 
 
-@pytest.mark.parametrize("size", [1, 140_000, 145_000, 150_000, 1_000_000])
+@pytest.mark.parametrize("size", [1, 140_000, 145_000, 150_000, 400_000])
 def test_png_of_any_size_is_read_as_by_pillow(size: int) -> None:
     frame = long_text(size)
     for data in (drawn(frame), drawn(frame, width=3), drawn(frame, width=100_000, compress_level=0)):
@@ -66,7 +66,7 @@ def test_png_of_any_size_is_read_as_by_pillow(size: int) -> None:
 
 
 def test_long_png_is_read_and_made_in_slices() -> None:
-    frame = long_text(3_000_000)
+    frame = long_text(1_200_000)
     assert sum(1 for _ in decode_png(drawn(frame), MAX_BYTES)) > 20
     picture = PngFrame(frame)
     num_slices = 1
@@ -137,8 +137,8 @@ def test_large_png_that_is_incomplete_or_of_another_format_is_refused() -> None:
         file_of(1_000, 1_000),
         file_of(1_000, 1_000, (b"IDAT", b"rubbish")),
         file_of(1_000, 1_000, (b"IDAT", zlib.compress((b"\x09" + line[1:]) * 1_000))),  # there is no filter 9
-        drawn(long_text(1_000_000), "L"),
-        drawn(long_text(1_000_000), "RGBA"),
+        drawn(long_text(600_000), "L"),
+        drawn(long_text(600_000), "RGBA"),
     ):
         with pytest.raises(FrameError, match="png"):
             read(data)
@@ -146,18 +146,18 @@ def test_large_png_that_is_incomplete_or_of_another_format_is_refused() -> None:
 
 def test_surplus_png_lines_are_ignored() -> None:
     line = b"\0" + b"x" * 3_000
-    assert read(file_of(1_000, 200, (b"IDAT", zlib.compress(line * 4_000)))) == b"x" * 600_000
+    assert read(file_of(1_000, 200, (b"IDAT", zlib.compress(line * 1_000)))) == b"x" * 600_000
 
 
 def test_ancillary_chunks_of_a_small_png_are_not_inflated() -> None:
-    bomb = b"Comment\0\0" + zlib.compress(bytes(10_000_000))
+    bomb = b"Comment\0\0" + zlib.compress(bytes(2_000_000))
     pixels = zlib.compress(b"\0{}\n")
     assert read(file_of(1, 1, *[(b"zTXt", bomb)] * 100, (b"IDAT", pixels))) == b"{}"
 
 
 def test_many_empty_png_chunks_are_skipped_in_slices() -> None:
-    data = file_of(1_000, 1_000, *[(b"IDAT", b"")] * 100_000)
+    data = file_of(1_000, 1_000, *[(b"IDAT", b"")] * 40_000)
     slices: list[None] = []
     with pytest.raises(FrameError, match="not whole"):
         slices.extend(decode_png(data, MAX_BYTES))
-    assert len(slices) >= 100
+    assert len(slices) >= 40

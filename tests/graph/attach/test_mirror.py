@@ -322,7 +322,7 @@ def test_invented_names_of_a_far_bridge_fill_neither_memory_nor_log(
     harness: SimHarness, lines: Callable[[], list[str]]
 ) -> None:
     lines()
-    for i in range(1_000):
+    for i in range(300):
         text = f"Unable to import made_up_{i}.msg from package made_up_{i}. " + "x" * 10_000
         harness.receive({"op": "status", "level": "error", "msg": text})
         harness.receive({"op": "status", "level": "error", "msg": text[10:]})

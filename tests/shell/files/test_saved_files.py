@@ -112,7 +112,7 @@ def test_pedestrian_starts_when_the_ego_is_near_and_waits_again_after_a_reset(fo
         client.control(0, longlCmdType=2, velocity=36.0)
         client.ask("/SyncModeSetGear", frame=0, gear=4)
         heights = []
-        for _ in range(250):
+        for _ in range(200):
             client.tick()
             heights.append(float(world.y[world.rows(Kind.PEDESTRIAN)[0]]))
         return heights

@@ -132,7 +132,7 @@ async def test_equal_refusal_with_a_long_text_is_kept_once(account: RefusalLog) 
 
 async def test_kept_refusals_are_bounded_per_client(account: RefusalLog) -> None:
     account.note(WRONG)
-    for i in range(10 * MAX_KINDS):
+    for i in range(3 * MAX_KINDS):
         account.note(WRONG._replace(client="flood:1", text=str(i)))
     assert [noted.request.client for noted in account.kept()] == ["1.2.3.4:5"] + ["flood:1"] * MAX_KEPT
     for i in range(2 * MAX_KINDS):
@@ -208,13 +208,13 @@ async def test_quiet_clients_setting_logs_no_refusals(ears: pytest.LogCaptureFix
 
 async def test_flood_of_errors_gives_two_log_lines_and_two_messages(ears: pytest.LogCaptureFixture) -> None:
     async with Simulator(port=0, world=False) as sim, await Client.open(sim.url) as client:
-        for i in range(2_000):
+        for i in range(1_000):
             await client.send("publish", topic=f"/nothing{i}", msg={})
         await client.settle()
     first, *others = [line for line in lines(ears) if "unknown_topic" in line]
     assert "more refused" not in first
     told = [re.search(r"([\d,]+) more refused", line) for line in others]
-    assert sum(int(found[1].replace(",", "")) for found in told if found) == 1_999
+    assert sum(int(found[1].replace(",", "")) for found in told if found) == 999
     assert 1 <= len(others) < 10  # a line each 10 s, and a busy machine takes that long
 
 
