@@ -194,10 +194,7 @@ async def test_signal_stops_the_server_with_exit_code_0_and_a_close_code_for_cli
 
 @pytest.mark.slow
 def test_server_writes_one_line_to_stdout() -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "rosbridge_sim", "--port", "0"], cwd=ROOT, stdout=subprocess.PIPE, text=True
-    )
-    with process:
+    with fork_server.popen(["-m", "rosbridge_sim", "--port", "0"]) as process:
         assert process.stdout is not None
         assert process.stdout.readline().startswith("rosbridge-sim listening on ws://127.0.0.1:")
         process.send_signal(signal.SIGTERM)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import subprocess
-import sys
+import signal
 from pathlib import Path
 from urllib.parse import quote
 
@@ -19,7 +18,7 @@ from websockets.frames import Frame, Opcode
 from rosbridge_sim.link.library_log import _SHOWN, quiet
 from tests import fork_server
 from tests.conftest import Serve
-from tests.support import PATIENCE, ROOT, AttachProcess, Client, mask, open_raw
+from tests.support import PATIENCE, AttachProcess, Client, mask, open_raw
 
 TOKEN = "s3same-street"  # noqa: S105 - a test's own
 WRONG = "s3same-stret"
@@ -174,13 +173,13 @@ async def test_no_token_stands_in_any_log_or_answer_at_any_level(serve: Serve, t
     attached.stop()
     attached.stop_cleanly()
     words = ["-m", "rosbridge_sim", "attach", f"{server.url}/?token={WRONG}", "--log-level", "debug"]
-    refused = await asyncio.create_subprocess_exec(sys.executable, *words, cwd=ROOT, stderr=subprocess.PIPE)
-    assert refused.stderr is not None
-    async with asyncio.timeout(PATIENCE):
-        said += (await refused.stderr.readuntil(b"it needs a token")).decode()
-        refused.terminate()
-        said += (await refused.stderr.read()).decode()
-        await refused.wait()
+    with fork_server.popen(words) as refused:
+        assert refused.stderr is not None
+        while "it needs a token" not in (line := await asyncio.to_thread(refused.stderr.readline)):
+            assert line, "it ended before it was refused"
+            said += line
+        refused.send_signal(signal.SIGTERM)
+        said += line + await asyncio.to_thread(refused.stderr.read)
     server.stop()
 
     logs = server.log + attached.log

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 
@@ -20,8 +19,8 @@ from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Sight, draw
 from rosbridge_sim.simulator.sensors.lidar_3d import Cloud, Lidar3dSpec
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
+from tests import fork_server
 from tests.shell.rendering.graphics import put
-from tests.support import PATIENCE, ROOT
 
 pytest.importorskip("embreex")
 
@@ -107,20 +106,6 @@ def test_process_that_keeps_ending_is_not_started_for_each_job(monkeypatch: pyte
         process.draw(job())
 
 
-def test_killed_process_is_gone_and_stays_away() -> None:
-    process = DrawingProcess()
-    process.open([Lidar3dSpec()])
-    pid = process.pid
-    assert pid is not None
-    process.kill()
-    with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
-    for _ in range(2):
-        with pytest.raises(DrawingError):
-            process.draw(job())
-    assert process.pid is None
-
-
 def test_process_ends_with_its_parent() -> None:
     """The parent dies without a word; `run` returns when nobody holds its pipe any longer."""
     program = (
@@ -131,8 +116,20 @@ def test_process_ends_with_its_parent() -> None:
         "process.open([Lidar3dSpec()])\n"
         "os.kill(os.getpid(), 9)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], stderr=subprocess.PIPE, cwd=ROOT, timeout=PATIENCE, check=False
-    )
+    done = fork_server.run(["-c", program])
     assert done.returncode == -signal.SIGKILL
     assert not done.stderr
+
+
+def test_killed_process_is_gone_and_stays_away(shared_process: DrawingProcess) -> None:
+    """The last test of the shared process."""
+    shared_process.open([Lidar3dSpec()])
+    pid = shared_process.pid
+    assert pid is not None
+    shared_process.kill()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    for _ in range(2):
+        with pytest.raises(DrawingError):
+            shared_process.draw(job())
+    assert shared_process.pid is None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -12,7 +11,6 @@ import pytest
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.shell.files.port_file import PortFile
 from tests.conftest import Serve
-from tests.support import PATIENCE, ROOT, read_line
 
 
 def names_in(folder: Path) -> list[str]:
@@ -97,20 +95,11 @@ async def test_simulator_without_a_port_wants_no_port_file(tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-def test_file_goes_when_a_signal_ends_the_server(serve: Serve, tmp_path: Path) -> None:
+def test_file_is_there_before_the_first_line_and_goes_when_a_signal_ends_the_server(
+    serve: Serve, tmp_path: Path
+) -> None:
     path = tmp_path / "port"
     server = serve("--port-file", str(path))
     assert path.read_text() == f"{server.port}\n"
     assert server.stop(signal.SIGTERM) == 0
     assert not path.exists()
-
-
-@pytest.mark.slow
-def test_file_is_there_before_the_first_line(tmp_path: Path) -> None:
-    path = tmp_path / "port"
-    command = [sys.executable, "-m", "rosbridge_sim", "--port", "0", "--port-file", str(path)]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
-        line = read_line(process)
-        assert line.endswith(f":{path.read_text()}")
-        process.terminate()
-        assert process.wait(PATIENCE) == 0

@@ -20,6 +20,7 @@ from rosbridge_sim.shell.kernels.compiler import (
     read_source,
 )
 from rosbridge_sim.world.kernels.c_source import FUNCTIONS
+from tests import fork_server
 from tests.world.kernels.compiled_loops import compiler, library, needs_compiler
 
 
@@ -129,7 +130,8 @@ def test_process_without_a_compiler_loads_nothing() -> None:
 
 
 def test_broken_compiler_is_one_line_in_the_log_and_arrays_go_on(tmp_path: Path) -> None:
-    done = run({VARIABLE: "false", "XDG_CACHE_HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path)})
+    environment = {VARIABLE: "false", "XDG_CACHE_HOME": str(tmp_path), "LOCALAPPDATA": str(tmp_path)}
+    done = fork_server.run(["-c", PROGRAM], env=os.environ | environment)
     assert done.stdout.split()[-1] == "numpy"
     assert done.stderr.count("\n") == 1
     assert "driven by numpy, which is slower: false failed with status 1" in done.stderr
@@ -191,6 +193,6 @@ def test_compiler_ends_with_its_process(tmp_path: Path) -> None:
     )
     compiling = f"sh -c 'sleep 100 & echo $! > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; wait'"
     environment = os.environ | {VARIABLE: compiling, "XDG_CACHE_HOME": str(tmp_path)}
-    subprocess.run([sys.executable, "-c", program], env=environment, check=True)
+    assert fork_server.run(["-c", program], env=environment).returncode == 0
     status = Path("/proc") / (tmp_path / "pid").read_text().strip() / "status"
     assert not status.exists() or "zombie" in status.read_text()

@@ -325,8 +325,9 @@ def inner(mask: np.ndarray) -> np.ndarray:
     return kept
 
 
-def test_paint_asphalt_ground_and_sky_of_town_have_the_colours_that_masks_expect_at_noon() -> None:
-    road_map, static = built_in("town")
+@pytest.mark.parametrize("name", ["roundabout", "town"])
+def test_paint_asphalt_ground_and_sky_have_the_colours_that_masks_expect_at_noon(name: str) -> None:
+    road_map, static = built_in(name)
     roads = road_map.roads
     seen: dict[Label, list[np.ndarray]] = {label: [] for label in Label}
     sky: list[np.ndarray] = []
