@@ -6,6 +6,7 @@ All of it never changes. Each fork would make it for itself, in two seconds of C
 from __future__ import annotations
 
 from rosbridge_sim.world.step import step
+from tests.schema.strategies import all_types
 from tests.simulator.sim_harness import make_store
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import MAPS, built_in, car
@@ -18,6 +19,8 @@ def prepare() -> None:
     for release in ("22.R2", "26.R1"):
         make_store(release, 1)
         make_store(release, 2)
+    for ros in (1, 2):
+        all_types(ros)
     for folder in sorted(MAPS.iterdir()):
         road_map = built_in(folder.name)
         world = world_of(road_map.roads, road_map.plan)

@@ -8,7 +8,7 @@ import pytest
 from rosbridge_sim.schema import number_arrays
 from rosbridge_sim.schema.number_arrays import are_integral, to_dtype, to_floats
 
-NUM = 100_001
+NUM = 2 * number_arrays._SLICE + 1
 
 
 @pytest.mark.parametrize("kind", ["int64", "uint64", "float64", "int32", "float32", "uint8", "int8"])

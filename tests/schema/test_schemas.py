@@ -31,8 +31,6 @@ Sources: Debian's packages of ROS 1 definitions and PyPI's wheels of ROS 2 Kilte
 service. The three of composition_interfaces are in neither, so nothing confirms them.
 """
 
-LINES = [(name, line) for name in RELEASES for line in release(name)]
-
 
 def read(path: Path) -> tuple[Definition, ...]:
     name = f"{path.relative_to(SCHEMAS).parts[0]}/{path.stem}"
@@ -42,15 +40,15 @@ def read(path: Path) -> tuple[Definition, ...]:
     return parse_service(name, text) if path.suffix == ".srv" else parse_action(name, text)
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_every_definition_file_starts_with_a_comment_and_is_tidy(path: Path) -> None:
-    text = path.read_text()
-    assert text.startswith("# ")
-    assert text.isascii()
-    assert text.endswith("\n")
-    assert path.parent.name == path.suffix[1:]
-    assert all(line == line.rstrip() and "\t" not in line for line in text.splitlines())
-    assert read(path)
+def test_every_definition_file_starts_with_a_comment_and_is_tidy() -> None:
+    for path in FILES:
+        text = path.read_text()
+        assert text.startswith("# "), path
+        assert text.isascii(), path
+        assert text.endswith("\n"), path
+        assert path.parent.name == path.suffix[1:]
+        assert [line for line in text.splitlines() if line != line.rstrip() or "\t" in line] == [], path
+        assert read(path), path
 
 
 @pytest.mark.parametrize("ros", [1, 2])
@@ -78,30 +76,31 @@ def test_a_release_has_its_messages_and_services(name: str) -> None:
     assert sorted(found) == sorted(names)
 
 
-@pytest.mark.parametrize(("name", "line"), LINES, ids=lambda text: " ".join(str(text).split()[:2]))
-def test_a_release_has_its_fields_in_wire_order(name: str, line: str) -> None:
-    kind, short, *expected = line.split()
-    found: list[str] = []
-    for definition in read(SCHEMAS / "morai_msgs" / name / kind / f"{short}.{kind}"):
-        found += ["---"] if definition.name.endswith("Response") and kind == "srv" else []
-        for field in definition.fields:
-            type_name = field.full_type.removeprefix("morai_msgs/").replace("std_msgs/Header", "Header")
-            found.append(f"{type_name}:{field.name}")
-        assert not definition.constants
-    assert found == expected
+@pytest.mark.parametrize("name", RELEASES)
+def test_a_release_has_its_fields_in_wire_order(name: str) -> None:
+    for line in release(name):
+        kind, short, *expected = line.split()
+        found: list[str] = []
+        for definition in read(SCHEMAS / "morai_msgs" / name / kind / f"{short}.{kind}"):
+            found += ["---"] if definition.name.endswith("Response") and kind == "srv" else []
+            for field in definition.fields:
+                type_name = field.full_type.removeprefix("morai_msgs/").replace("std_msgs/Header", "Header")
+                found.append(f"{type_name}:{field.name}")
+            assert not definition.constants, line
+        assert found == expected, line
 
 
-@pytest.mark.parametrize("line", SERVICES, ids=lambda line: str(line).split()[0])
-def test_a_standard_service_is_as_published(line: str) -> None:
-    name, *expected = line.split()
-    package, _, short = name.partition("/")
-    found: list[str] = []
-    for definition in read(SCHEMAS / package / "srv" / f"{short}.srv"):
-        found += ["---"] if definition.name.endswith("Response") else []
-        found += [f"{each.type}:{each.name}={each.value}" for each in definition.constants]
-        for field in definition.fields:
-            found.append(f"{field.full_type}:{field.name}" + ("" if field.default is None else f"={field.default}"))
-    assert found == expected
+def test_standard_services_are_as_published() -> None:
+    for line in SERVICES:
+        name, *expected = line.split()
+        package, _, short = name.partition("/")
+        found: list[str] = []
+        for definition in read(SCHEMAS / package / "srv" / f"{short}.srv"):
+            found += ["---"] if definition.name.endswith("Response") else []
+            found += [f"{each.type}:{each.name}={each.value}" for each in definition.constants]
+            for field in definition.fields:
+                found.append(f"{field.full_type}:{field.name}" + ("" if field.default is None else f"={field.default}"))
+        assert found == expected, name
 
 
 @pytest.mark.parametrize("ros", [1, 2])

@@ -364,12 +364,13 @@ def test_surplus_slashes_are_accepted_and_not_cached() -> None:
 @pytest.mark.slow
 def test_types_of_the_simulator_do_not_import_rosbags() -> None:
     code = (
-        "import sys; from tests.schema.strategies import read_texts; from rosbridge_sim.schema.store import Store;"
-        "from tests.schema.type_factory import compile_all;"
-        "from rosbridge_sim.schema.definitions.standard import PACKAGES; texts = read_texts();"
+        "import sys; from rosbridge_sim.shell.files.definitions import read_definitions;"
+        "from rosbridge_sim.schema.store import Store;"
+        "from rosbridge_sim.schema.definitions.standard import PACKAGES; texts = read_definitions('22.R2');"
         "own = {p for p, *_ in texts} - PACKAGES[1] - PACKAGES[2] - {'composition_interfaces'};"
         "own = [name for name in texts if name[0] in own]; stores = [Store(texts, ros=ros) for ros in (1, 2)];"
-        "[compile_all(store, own) for store in stores];"
+        "ask = {'msg': Store.message, 'srv': Store.service, 'action': Store.action};"
+        "[ask[kind](store, f'{p}/{name}') for store in stores for p, kind, name in own];"
         "[store.message(f'{p}/{name}') for store in stores for p, kind, name in texts if kind == 'msg'];"
         "print('rosbags' in sys.modules)"
     )

@@ -117,6 +117,14 @@ def test_compiler_of_typescript_accepts_all_packages(release: str, ros: Generati
         (tmp_path / f"{package}.d.ts").write_text(declare_package(store, package))
     (tmp_path / "program.ts").write_text(PROGRAM.replace("PART", part))
     compiler = ROOT / "tests" / "page" / "node_modules" / "typescript" / "bin" / "tsc"
-    words = [require_tool("node"), str(compiler), "--noEmit", "--strict", *map(str, sorted(tmp_path.iterdir()))]
+    words = [
+        require_tool("node"),
+        str(compiler),
+        "--noEmit",
+        "--strict",
+        "--lib",
+        "es2020",
+        *map(str, sorted(tmp_path.iterdir())),
+    ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "")
