@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-import subprocess
 import sys
 from typing import Any
 
@@ -21,7 +20,7 @@ from gymnasium.vector import AutoresetMode  # noqa: E402
 
 from rosbridge_sim.environments.observations import observe, pick  # noqa: E402
 from rosbridge_sim.environments.registration import TASKS, register_all  # noqa: E402
-from tests.support import PATIENCE  # noqa: E402
+from tests import fork_server  # noqa: E402
 
 LANE = "rosbridge_sim/LaneKeeping-v1"
 
@@ -453,13 +452,14 @@ def test_copy_of_many_environments_goes_on_to_the_bit() -> None:
 def test_name_alone_imports_the_environments() -> None:
     """For programs of others that take a name and import nothing of ours."""
     program = (
-        "import gymnasium\n"
+        "import gymnasium, sys\n"
         "assert not any('rosbridge_sim' in name for name in gymnasium.registry)\n"
+        "assert 'rosbridge_sim.environments' not in sys.modules\n"
         "env = gymnasium.make('rosbridge_sim.environments:rosbridge_sim/LaneKeeping-v1')\n"
         "print(env.reset(seed=1)[0].shape)\n"
     )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE, check=True)
-    assert done.stdout == "(15,)\n"
+    done = fork_server.run(["-c", program])
+    assert (done.stdout, done.stderr) == ("(15,)\n", "")
 
 
 @pytest.mark.parametrize("observation", ["Lane", "Kinematics", "Others", "Dict"])

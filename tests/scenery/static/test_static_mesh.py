@@ -15,9 +15,10 @@ from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.road_paint import add_paint
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
-from rosbridge_sim.shell.files.library import DATA, DiskLibrary, read_map_at
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.roads.surface import Surface
 from tests.scenery.solid_figures import area_seen_from_above
+from tests.scenery.static.small_scenes import map_of as small_map
 from tests.world.road_factory import line, make
 
 PAINT = (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.CROSSWALK, Label.STOP_LINE)
@@ -59,13 +60,16 @@ def test_everything_beside_the_roads_leaves_them_free(name: str) -> None:
 
 @pytest.mark.slow
 def test_dressing_follows_from_name_and_seed() -> None:
-    name = "parking"
-    road_map = map_of(name)
-    one = dressed(name)
-    assert one.digest == static_mesh(read_map_at(DATA / "maps" / name), name, 0).digest
-    assert one.digest != static_mesh(road_map, name, 1).digest
-    assert one.digest != static_mesh(road_map, "other", 0).digest
-    assert not np.isin(bare(road_map).label, [Label.BUILDING, Label.TREE]).any()
+    def street() -> RoadMap:
+        crosswalk = Crosswalk("", (line((40, -2), (44, -2), (44, 2), (40, 2)),))
+        return small_map(make(a=(line((0, 0), (100, 0)), "")), crosswalks=(crosswalk,))
+
+    one = static_mesh(street(), "name", 0)
+    assert np.isin([Label.BUILDING, Label.TREE], one.label).all()
+    assert one.digest == static_mesh(street(), "name", 0).digest
+    assert one.digest != static_mesh(street(), "name", 1).digest
+    assert one.digest != static_mesh(street(), "other", 0).digest
+    assert not np.isin(static_mesh(street(), "name", 0, is_dressed=False).label, [Label.BUILDING, Label.TREE]).any()
 
 
 @pytest.mark.slow
