@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import AsyncIterator, Generator, Iterator, Sequence
-from contextlib import AsyncExitStack, ExitStack, contextmanager
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
@@ -188,9 +188,32 @@ async def connect() -> AsyncIterator[Connect]:
         yield open_client
 
 
+@pytest.fixture(scope="session")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """One server for all tests of the page that leave it as they found it. Its world stands still."""
+    process = ServerProcess(tmp_path_factory.mktemp("server") / "log.txt", ["--start", "sync"])
+    yield process
+    process.stop_cleanly()
+
+
 @pytest_asyncio.fixture(loop_scope="session")
 async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.FixtureRequest) -> AsyncIterator[OpenPage]:
     """Opens pages; at the end, no page may have logged an error. A failed test has pictures of them in its folder."""
+    async with _pages(chromiums, tmp_path, request.node) as start:
+        yield start
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="session")
+async def open_shared_page(
+    chromiums: Chromiums, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> AsyncIterator[OpenPage]:
+    """The same for pages of several tests of a file: to load one takes longer than most tests."""
+    async with _pages(chromiums, tmp_path_factory.mktemp("pages"), request.node) as start:
+        yield start
+
+
+@asynccontextmanager
+async def _pages(chromiums: Chromiums, folder: Path, node: pytest.Item | pytest.Module) -> AsyncIterator[OpenPage]:
     mistakes: list[str] = []
     pages: list[Page] = []
 
@@ -233,11 +256,11 @@ async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.Fixtur
             return page
 
         yield start
-        has_failed = bool(mistakes) or request.node.stash.get(HAS_FAILED, False)
+        has_failed = bool(mistakes) or node.stash.get(HAS_FAILED, False)
         for number, page in enumerate(pages):
             if has_failed and not page.is_closed():
-                await page.screenshot(path=tmp_path / f"page{number}.png")
-        assert not mistakes, f"the page of {request.node.name} logged:\n" + "\n".join(mistakes)
+                await page.screenshot(path=folder / f"page{number}.png")
+        assert not mistakes, f"the page of {node.name} logged:\n" + "\n".join(mistakes)
 
 
 def page_url(server: ServerProcess) -> str:

@@ -52,12 +52,12 @@ def page_of(results: list[Result], folder: Path) -> str:
     return (folder / "report.html").as_uri()
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 390), ("dark", 820), ("light", 1440)])
+@pytest.mark.parametrize(("scheme", "width", "num"), [("light", 390, 150), ("dark", 820, 20), ("light", 1440, 150)])
 async def test_report_is_readable_at_each_width_and_runs_nothing_of_the_results(
-    open_page: OpenPage, tmp_path: Path, scheme: str, width: int
+    open_page: OpenPage, tmp_path: Path, scheme: str, width: int, num: int
 ) -> None:
     page = await open_page(
-        page_of(results_of(150), tmp_path),
+        page_of(results_of(num), tmp_path),
         state=None,
         color_scheme=scheme,
         viewport={"width": width, "height": 800},

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import pytest_asyncio
 from playwright.async_api import Page
 
-from tests.conftest import Connect, Serve
+from tests.conftest import Connect
 from tests.page.conftest import OpenPage, page_url
 from tests.support import PATIENCE, ROOT, ServerProcess
 
@@ -28,27 +28,26 @@ START = """async () => {
 
 ARRAY = "std_msgs/Float64MultiArray"
 
-Load = Callable[[ServerProcess], Awaitable[Page]]
+
+async def load(open_page: OpenPage, server: ServerProcess) -> Page:
+    """Load an empty page of a server's origin, with the connection as the global `connection`."""
+    page = await open_page("about:blank", state=None, allow=LOST)
+    url = page_url(server)
+    await page.route(f"{url}empty", lambda route: route.fulfill(body="<!doctype html>", content_type="text/html"))
+    await page.route(
+        f"{url}js/**",
+        lambda route: route.fulfill(path=ROOT / "rosbridge_sim" / "page" / route.request.url.removeprefix(url)),
+    )
+    await page.goto(f"{url}empty")
+    await run(page, START)
+    await wait(page, "connection.state === 'open'")
+    return page
 
 
-@pytest.fixture
-def load(open_page: OpenPage) -> Load:
-    """Loads an empty page of a server's origin, with the connection as the global `connection`."""
-
-    async def start(server: ServerProcess) -> Page:
-        page = await open_page("about:blank", state=None, allow=LOST)
-        url = page_url(server)
-        await page.route(f"{url}empty", lambda route: route.fulfill(body="<!doctype html>", content_type="text/html"))
-        await page.route(
-            f"{url}js/**",
-            lambda route: route.fulfill(path=ROOT / "rosbridge_sim" / "page" / route.request.url.removeprefix(url)),
-        )
-        await page.goto(f"{url}empty")
-        await run(page, START)
-        await wait(page, "connection.state === 'open'")
-        return page
-
-    return start
+@pytest_asyncio.fixture(scope="module", loop_scope="session")
+async def page(server: ServerProcess, open_shared_page: OpenPage) -> Page:
+    """One page for the tests that leave its connection open and take topics of their own."""
+    return await load(open_shared_page, server)
 
 
 async def run(page: Page, script: str) -> Any:  # noqa: ANN401 - whatever the script returns
@@ -78,8 +77,7 @@ async def names_of(page: Page, service: str, topic: str) -> Any:  # noqa: ANN401
     return next(iter(values.values()))
 
 
-async def test_messages_come_as_json_or_with_typed_arrays(server: ServerProcess, load: Load) -> None:
-    page = await load(server)
+async def test_messages_come_as_json_or_with_typed_arrays(page: Page) -> None:
     await subscribe(page, "/a", "{encoding: 'cbor'}", ARRAY)
     await subscribe(page, "/b", "{}", ARRAY)
     for topic in ("/a", "/b"):
@@ -90,9 +88,8 @@ async def test_messages_come_as_json_or_with_typed_arrays(server: ServerProcess,
 
 
 async def test_takers_of_a_topic_share_one_subscription_and_the_last_message(
-    server: ServerProcess, load: Load, connect: Connect
+    server: ServerProcess, page: Page, connect: Connect
 ) -> None:
-    page = await load(server)
     client = await connect(server.url)
     await client.send("advertise", topic="/c", type="std_msgs/String")
     await subscribe(page, "/c", kind="std_msgs/String")
@@ -116,8 +113,7 @@ async def test_takers_of_a_topic_share_one_subscription_and_the_last_message(
     assert await names_of(page, "/rosapi/subscribers", "/c") == []
 
 
-async def test_slow_taker_beside_a_fast_one_gets_the_last_message(server: ServerProcess, load: Load) -> None:
-    page = await load(server)
+async def test_slow_taker_beside_a_fast_one_gets_the_last_message(page: Page) -> None:
     await subscribe(page, "/d", kind="std_msgs/Int32")
     slow, fast = await run(
         page,
@@ -138,13 +134,13 @@ async def test_slow_taker_beside_a_fast_one_gets_the_last_message(server: Server
     assert len(slow) < 5, "all would need a machine on which each message takes longer than the throttle"
 
 
-async def test_mistake_of_one_taker_takes_nothing_from_the_others(server: ServerProcess, load: Load) -> None:
-    page = await load(server)
+async def test_mistake_of_one_taker_takes_nothing_from_the_others(page: Page) -> None:
     assert await run(
         page,
         """async () => {
             const errors = [];
-            window.addEventListener("error", (event) => { errors.push(event.message); event.preventDefault(); });
+            window.addEventListener("error", (event) => { errors.push(event.message); event.preventDefault(); },
+                {once: true});
             connection.subscribe("/e", "std_msgs/Int32", () => { throw new Error("a mistake"); });
             const good = await new Promise((resolve) => {
                 connection.subscribe("/e", "std_msgs/Int32", resolve);
@@ -155,8 +151,7 @@ async def test_mistake_of_one_taker_takes_nothing_from_the_others(server: Server
     ) == [3, ["Uncaught Error: a mistake"]]
 
 
-async def test_call_fails_with_the_text_of_the_server(server: ServerProcess, load: Load) -> None:
-    page = await load(server)
+async def test_call_fails_with_the_text_of_the_server(page: Page) -> None:
     ask = "(name) => connection.call(name).catch((error) => [error.name, error.message])"
     name, text = await run(page, f"({ask})('/nothing')")
     assert name == "CallError"
@@ -165,10 +160,11 @@ async def test_call_fails_with_the_text_of_the_server(server: ServerProcess, loa
     name, text = await run(page, f"({ask})('/rosapi/get_time')")
     assert (name, text) == ("CallError", "The page is not connected to the server.")
     assert await run(page, "connection.publish('/x', 'std_msgs/Int32', {data: 1})") is False
+    await run(page, "connection.start()")
+    await wait(page, "connection.state === 'open'")
 
 
-async def test_statuses_of_the_server_are_told(server: ServerProcess, load: Load) -> None:
-    page = await load(server)
+async def test_statuses_of_the_server_are_told(page: Page) -> None:
     status = await run(
         page,
         """() => new Promise((resolve) => {
@@ -181,11 +177,14 @@ async def test_statuses_of_the_server_are_told(server: ServerProcess, load: Load
 
 
 async def test_lost_server_fails_calls_and_comes_back_with_subscriptions_and_advertisements(
-    tmp_path: Path, load: Load
+    tmp_path: Path, open_page: OpenPage, connect: Connect
 ) -> None:
     first = ServerProcess(tmp_path / "first.txt", ["--start", "sync"])
     try:
-        page = await load(first)
+        client = await connect(first.url)
+        await client.send("advertise_service", service="/slow", type="std_srvs/Trigger")
+        await client.settle()
+        page = await load(open_page, first)
         await subscribe(page, "/g", kind="std_msgs/Int32")
         await run(page, "connection.publish('/g', 'std_msgs/Int32', {data: 1})")
         await wait(page, "taken['/g'].length === 1")
@@ -193,13 +192,16 @@ async def test_lost_server_fails_calls_and_comes_back_with_subscriptions_and_adv
             page,
             """() => {
                 connection.publish("/call", "std_msgs/Int32", {data: 1});
-                window.failed = connection.call("/rosapi/get_time", {}, {timeoutMs: 0}).then(() => "answered",
+                window.answered = connection.call("/rosapi/get_time", {}, {timeoutMs: 0}).then(() => "answered",
                     (error) => error.message);
+                window.failed = connection.call("/slow").catch((error) => error.message);
             }""",
         )
-        assert await run(page, "failed") == "answered"
+        assert await run(page, "answered") == "answered"
+        await client.take("call_service", service="/slow")
         first.kill()
         await wait(page, "connection.state === 'lost'")
+        assert await run(page, "failed") == "The connection was lost before the answer came."
         second = ServerProcess(tmp_path / "second.txt", ["--start", "sync"], port=first.port)
         try:
             await wait(page, "connection.state === 'open'")
@@ -217,20 +219,7 @@ async def test_lost_server_fails_calls_and_comes_back_with_subscriptions_and_adv
         first.kill()
 
 
-async def test_call_under_way_fails_when_the_connection_is_lost(serve: Serve, load: Load, connect: Connect) -> None:
-    server = serve()
-    client = await connect(server.url)
-    await client.send("advertise_service", service="/slow", type="std_srvs/Trigger")
-    await client.settle()
-    page = await load(server)
-    await run(page, "() => { window.failed = connection.call('/slow').catch((error) => error.message); }")
-    await client.take("call_service", service="/slow")
-    server.stop()
-    assert await run(page, "failed") == "The connection was lost before the answer came."
-
-
-async def test_hidden_page_has_no_subscriptions(server: ServerProcess, load: Load, connect: Connect) -> None:
-    page = await load(server)
+async def test_hidden_page_has_no_subscriptions(server: ServerProcess, page: Page, connect: Connect) -> None:
     await subscribe(page, "/h", kind="std_msgs/Int32")
     assert len(await names_of(page, "/rosapi/subscribers", "/h")) == 1
     await run(page, "connection.setHidden(true)")
@@ -246,8 +235,7 @@ async def test_hidden_page_has_no_subscriptions(server: ServerProcess, load: Loa
     await wait(page, "taken['/h'].length === 1")
 
 
-async def test_advertisement_ends_on_request(server: ServerProcess, load: Load) -> None:
-    page = await load(server)
+async def test_advertisement_ends_on_request(page: Page) -> None:
     await run(page, "connection.publish('/j', 'std_msgs/Int32', {data: 1})")
     assert len(await names_of(page, "/rosapi/publishers", "/j")) == 1
     await run(page, "connection.unadvertise('/j'); connection.unadvertise('/j')")

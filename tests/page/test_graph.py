@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import pytest_asyncio
 from playwright.async_api import Locator, Page, WebSocketRoute, expect
 
 from tests.conftest import Connect, Serve
@@ -37,6 +38,12 @@ async def open_graph(open_page: OpenPage, server: ServerProcess, **options: Any)
     page = await open_page(server, **options)
     await page.get_by_role("tab", name="Graph").click()
     return page
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="session")
+async def graph(server: ServerProcess, open_shared_page: OpenPage) -> Page:
+    """A page with this tab, for tests that choose topics of their own."""
+    return await open_graph(open_shared_page, server)
 
 
 async def choose_topic(page: Page, name: str) -> Locator:
@@ -79,30 +86,28 @@ async def test_table_has_the_traffic_of_topics_and_is_searched_and_sorted(serve:
 
 
 async def test_messages_are_a_tree_that_moves_on_and_can_be_held(
-    serve: Serve, open_page: OpenPage, connect: Connect
+    server: ServerProcess, graph: Page, connect: Connect
 ) -> None:
-    server = serve("--start", "sync")
     client = await connect(server.url)
     await advertise(client, "/number", "std_msgs/Int32MultiArray")
-    page = await open_graph(open_page, server)
-    view = await choose_topic(page, "/number")
+    view = await choose_topic(graph, "/number")
 
     async def publish(number: int) -> None:
         await client.send("publish", topic="/number", msg={"data": [number, 1, 2]})
         await client.settle()
 
     item = view.get_by_role("treeitem").filter(has_text=re.compile(r"^\[0\]"))
-    await watched(page, connect, server, "/number")
+    await watched(graph, connect, server, "/number")
     await publish(7)
     await expect(item).to_have_text("[0]7")
     await publish(8)
     await expect(item).to_have_text("[0]8")
     await view.get_by_role("button", name="Hold").click()
-    await watched(page, connect, server, "/number", count=0)
+    await watched(graph, connect, server, "/number", count=0)
     await publish(9)
     await expect(item).to_have_text("[0]8")
     await view.get_by_role("button", name="Go on").click()
-    await watched(page, connect, server, "/number")
+    await watched(graph, connect, server, "/number")
     await publish(10)
     await expect(item).to_have_text("[0]10")
 
@@ -233,12 +238,12 @@ async def test_page_subscribes_only_to_what_is_seen(serve: Serve, open_page: Ope
 # Forms
 
 
-async def test_form_publishes_what_another_client_receives(serve: Serve, open_page: OpenPage, connect: Connect) -> None:
-    server = serve("--start", "sync")
+async def test_form_publishes_what_another_client_receives(
+    server: ServerProcess, graph: Page, connect: Connect
+) -> None:
     client = await connect(server.url)
     await client.subscribe("/ctrl_cmd")
-    page = await open_graph(open_page, server)
-    view = await choose_topic(page, "/ctrl_cmd")
+    view = await choose_topic(graph, "/ctrl_cmd")
     await view.get_by_text("Publish a message").click()
     await expect(view.get_by_text("angle of the front wheels, left is positive")).to_be_visible()
     await view.get_by_label("steering [rad]").fill("0.25")
@@ -257,8 +262,9 @@ async def test_form_publishes_what_another_client_receives(serve: Serve, open_pa
     await area.fill('{"velocity": 5}')
     await publish.click()
     assert (await client.message("/ctrl_cmd"))["velocity"] == 5
-    await page.get_by_role("tab", name="Code").click()
-    await expect(page.get_by_label("Program", exact=True)).to_contain_text("velocity")
+    await graph.get_by_role("tab", name="Code").click()
+    await expect(graph.get_by_label("Program", exact=True)).to_contain_text("velocity")
+    await graph.get_by_role("tab", name="Graph").click()
 
 
 async def test_reason_of_a_refused_message_is_beside_the_form(serve: Serve, open_page: OpenPage) -> None:

@@ -35,8 +35,9 @@ MAX_REQUESTS = 12
 """All that the page may load; the socket counts as one."""
 
 
-async def test_page_connects_with_few_requests_that_all_succeed(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--start", "sync")
+async def test_page_connects_with_few_requests_that_all_succeed_without_webgl(
+    server: ServerProcess, open_page: OpenPage
+) -> None:
     page = await open_page("about:blank", state=None)
     statuses: dict[str, int] = {}
     sockets: list[str] = []
@@ -47,6 +48,7 @@ async def test_page_connects_with_few_requests_that_all_succeed(serve: Serve, op
     assert set(statuses.values()) == {200}, statuses
     assert sockets == [f"ws://127.0.0.1:{server.port}/"]
     assert len(statuses) + len(sockets) <= MAX_REQUESTS
+    await expect(page.get_by_text("This browser has no WebGL 2")).to_be_visible()  # and the rest works
 
 
 async def test_page_says_that_it_loads_before_its_program_has_come(serve: Serve, open_page: OpenPage) -> None:
@@ -182,13 +184,6 @@ async def test_server_that_no_longer_answers_is_told_and_its_answer_ends_that(
     await expect(page.locator(".connection-state")).to_have_text("Connected")
 
 
-async def test_reason_of_a_server_that_stops_is_shown_as_text(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--start", "sync")
-    page = await open_page(server, allow=LOST)
-    server.stop()
-    await expect(page.locator(".banner")).to_contain_text("The connection is lost")
-
-
 # Tabs, widths, colours and assistive technology
 
 
@@ -212,10 +207,11 @@ async def test_tabs_follow_the_keys_of_their_pattern(serve: Serve, open_page: Op
 
 
 @pytest.mark.parametrize(("width", "height", "num_lines"), [(1280, 720, 1), (720, 450, 1), (390, 844, 2)])
-async def test_map_has_its_share_of_small_windows_on_all_tabs(
+async def test_map_has_its_share_of_small_windows_on_all_tabs_until_the_server_stops(
     serve: Serve, open_page: OpenPage, width: int, height: int, num_lines: int
 ) -> None:
-    page = await open_page(serve("--scenario", "town"), viewport={"width": width, "height": height})
+    server = serve()
+    page = await open_page(server, allow=LOST, viewport={"width": width, "height": height})
     await page.get_by_role("button", name="Let it drive").click()
     await expect(page.locator(".timeline")).to_be_visible()
     sizes = [await page.evaluate(MAP_SIZE)]
@@ -229,6 +225,8 @@ async def test_map_has_its_share_of_small_windows_on_all_tabs(
     shown = await page.locator(".header-values, .header-panel").locator("> :visible").all_inner_texts()
     assert shown[1].startswith("Running, ")
     assert shown[-1] == "한국어"
+    server.stop()
+    await expect(page.locator(".banner")).to_contain_text("The connection is lost")
 
 
 async def test_first_key_leads_past_the_map(serve: Serve, open_page: OpenPage) -> None:
@@ -243,9 +241,9 @@ async def test_first_key_leads_past_the_map(serve: Serve, open_page: OpenPage) -
 
 @pytest.mark.parametrize(("scheme", "width"), LOOKS)
 async def test_page_has_no_serious_fault_of_accessibility(
-    serve: Serve, open_page: OpenPage, scheme: str, width: int
+    server: ServerProcess, open_page: OpenPage, scheme: str, width: int
 ) -> None:
-    page = await open_page(serve("--start", "sync"), color_scheme=scheme, viewport={"width": width, "height": 720})
+    page = await open_page(server, color_scheme=scheme, viewport={"width": width, "height": 720})
     assert await faults_of(page) == []
     assert await page.evaluate("document.documentElement.scrollWidth") <= width
 

@@ -34,10 +34,10 @@ async def choose_tab(page: Page, name: str) -> None:
     await page.get_by_role("tab", name=name, exact=True).click()
 
 
-async def test_car_moves_while_a_key_is_held_and_the_pedals_are_up_afterwards(
+async def test_car_moves_while_a_key_is_held_and_the_pedals_are_up_afterwards_and_when_the_page_is_lost(
     serve: Serve, open_page: OpenPage
 ) -> None:
-    server = serve("--scenario", "town")
+    server = serve()
     page = await open_page(server)
     await begin_drive(page)
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
@@ -50,6 +50,11 @@ async def test_car_moves_while_a_key_is_held_and_the_pedals_are_up_afterwards(
         await page.keyboard.down("Space")
         await client.wait_for("/Ego_topic", lambda ego: ego["brake"] > 0.5)
         await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] == 0.0)
+        await page.keyboard.up("Space")
+        await page.keyboard.down("w")
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
+        await page.context.close()
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
 
 
 async def test_hidden_tab_ends_the_drive(serve: Serve, open_page: OpenPage) -> None:
@@ -111,17 +116,6 @@ async def test_window_that_loses_the_keyboard_lifts_the_pedals(serve: Serve, ope
         await page.keyboard.down("w")
         await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
         await page.evaluate("window.dispatchEvent(new Event('blur'))")
-        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
-
-
-async def test_page_that_is_lost_lifts_the_pedals(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
-    page = await open_page(server)
-    await begin_drive(page)
-    async with AsyncClient(server.url, timeout=PATIENCE) as client:
-        await page.keyboard.down("w")
-        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
-        await page.context.close()
         await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
 
 
@@ -241,7 +235,7 @@ async def test_scenarios_are_listed_with_pictures_and_loaded(serve: Serve, open_
 
 
 async def test_snapshot_brings_the_world_back(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town", "--start", "sync")
+    server = serve("--start", "sync")
     page = await open_page(server)
     await choose_tab(page, "Time")
     await page.get_by_role("button", name="Take synchronous mode").click()

@@ -85,7 +85,7 @@ async def tick_until(client: AsyncClient, expectation: Coroutine[object, object,
 async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_they_are_looked_at(
     serve_with: Callable[..., ServerProcess], open_page: OpenPage
 ) -> None:
-    server = serve_with(CAMERAS, "roundabout")
+    server = serve_with(CAMERAS, "demo")
     page = await open_page(server)
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await client.start_sync()

@@ -17,9 +17,9 @@ from tests.support import PATIENCE
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
 CUT_IN = story(
-    {"Ego": teleport(link("L2_00", 5)) + speed(20), "Car": teleport(link("L3_00", 30)) + speed(17)},
+    {"Ego": teleport(link("L1_00", 5)) + speed(20), "Car": teleport(link("L2_00", 30)) + speed(17)},
     group("Car", event("cut in", lane_change('<RelativeTargetLane entityRef="Car" value="1"/>', length=2), after(1.0))),
-    more='<VariableDeclarations><VariableDeclaration name="moraiMap" value="motorway"/></VariableDeclarations>',
+    more='<VariableDeclarations><VariableDeclaration name="moraiMap" value="track"/></VariableDeclarations>',
     end="<Evaluation><SuccessConditionGroup>"
     + by_entity("Ego", '<TraveledDistanceCondition value="90"/>')
     + "</SuccessConditionGroup></Evaluation>",

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import pytest
+import pytest_asyncio
 from playwright.async_api import Page, expect
 
 from tests.conftest import Connect, Serve
 from tests.page.conftest import OpenPage, page_url
-from tests.support import ROOT
+from tests.support import ROOT, ServerProcess
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
 IMAGE = "<img src=x onerror=window.bad=1>"
+
+
+@pytest_asyncio.fixture(scope="module", loop_scope="session")
+async def page(server: ServerProcess, open_shared_page: OpenPage) -> Page:
+    return await open_shared_page(server)
 
 
 async def assert_no_image(page: Page) -> None:
@@ -19,9 +25,7 @@ async def assert_no_image(page: Page) -> None:
     assert await page.evaluate("window.bad") is None
 
 
-async def test_element_takes_texts_as_text_and_no_property_that_is_html(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--start", "sync")
-    page = await open_page(server)
+async def test_element_takes_texts_as_text_and_no_property_that_is_html(server: ServerProcess, page: Page) -> None:
     await page.route(
         f"{page_url(server)}js/**",
         lambda route: route.fulfill(
@@ -76,10 +80,8 @@ async def test_graph_and_log_show_what_looks_like_html_as_it_is(
 
 
 async def test_names_and_texts_of_another_client_enter_no_panel_as_html(
-    serve: Serve, open_page: OpenPage, connect: Connect
+    server: ServerProcess, page: Page, connect: Connect
 ) -> None:
-    server = serve("--start", "sync")
-    page = await open_page(server)
     client = await connect(server.url)
     await client.send("advertise", topic=f"/{IMAGE}", type=IMAGE, id=IMAGE)
     await client.send("advertise", topic="/a", type=IMAGE)

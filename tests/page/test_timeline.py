@@ -53,7 +53,7 @@ async def scroll_to(page: Page, seconds: float) -> None:
 async def test_past_is_shown_with_its_age_and_a_branch_returns_the_world_to_a_snapshot(
     serve: Serve, open_page: OpenPage
 ) -> None:
-    server = serve("--scenario", "town")
+    server = serve()
     page = await open_page(server)
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await page.get_by_label("Keep snapshots").check()
@@ -63,6 +63,7 @@ async def test_past_is_shown_with_its_age_and_a_branch_returns_the_world_to_a_sn
         await page.get_by_role("button", name="Let it drive").click()
         await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] > 5.0)
         await expect(page.get_by_text(KEPT_MORE)).to_be_visible()
+        await client.call("/sim/real_time_factor", {"factor": 0.2})  # fewer pictures
         speed = page.locator(".speed-value")
         first, _ = await seconds_of(page)
         await scroll_to(page, first)
