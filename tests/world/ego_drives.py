@@ -8,10 +8,10 @@ from collections.abc import Callable
 from rosbridge_sim.records import replace
 from rosbridge_sim.world.state.commands import command, shift, turn_wheels
 from rosbridge_sim.world.state.placement import place_ghost, teleport
-from rosbridge_sim.world.state.world import Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world import Body, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["DRIVES"]
+__all__ = ["DRIVES", "digest_here", "digests_here"]
 
 CAR = Body()
 
@@ -95,3 +95,15 @@ DRIVES: dict[str, Callable[[World], None]] = {
     "many": _many,
     "placed": _placed,
 }
+
+
+def digest_here(dynamics: Dynamics, name: str) -> str:
+    """Return the digest of a drive, computed by this process."""
+    world = World(7, dynamics)
+    DRIVES[name](world)
+    return world.digest()
+
+
+def digests_here() -> dict[str, dict[str, str]]:
+    """Return the digest of each drive, by model."""
+    return {dynamics.name: {name: digest_here(dynamics, name) for name in DRIVES} for dynamics in Dynamics}

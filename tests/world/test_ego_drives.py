@@ -14,7 +14,7 @@ from typing import Final
 import pytest
 
 from rosbridge_sim.world.state.world import Dynamics, Kind, World
-from tests.world.ego_drives import DRIVES
+from tests.world.ego_drives import DRIVES, digest_here
 from tests.world.processors import WITHOUT_AVX_512, is_without_avx_512
 
 DIGESTS: Final = {
@@ -70,22 +70,10 @@ STATES: Final = {
 
 PROGRAM = """
 import json
-from tests.world.test_ego_drives import digests_here
+from tests.world.ego_drives import digests_here
 
 print(json.dumps(digests_here()))
 """
-
-
-def digest_here(dynamics: Dynamics, name: str) -> str:
-    """Return the digest of a drive, computed by this process."""
-    world = World(7, dynamics)
-    DRIVES[name](world)
-    return world.digest()
-
-
-def digests_here() -> dict[str, dict[str, str]]:
-    """Return the digest of each drive, by model."""
-    return {dynamics.name: {name: digest_here(dynamics, name) for name in DRIVES} for dynamics in Dynamics}
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,8 @@ from rosbridge_sim.world.step import step
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, arc, crossing, line, make, road, signalled
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 NOSE = CAR.length - CAR.rear_overhang
 MAN = Body.box(0.45, 0.55, 1.7)
 

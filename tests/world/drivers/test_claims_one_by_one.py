@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from itertools import pairwise
 
@@ -233,7 +232,7 @@ class OneByOne:
 def test_claims_are_given_as_one_by_one(seed: int, town: LaneConflicts) -> None:
     few = 0.1 if seed % 5 < 3 else 0.25
     case = situation(town, seed, few=few)
-    expected = OneByOne(copy.deepcopy(situation(town, seed, few=few)))
+    expected = OneByOne(situation(town, seed, few=few))
     drivers, perception, requests = case.drivers, case.perception, case.requests
     claims, exits, stops = drivers.claim.copy(), drivers.exit_lane.copy(), perception.stop_distance.copy()
     give_claims(town, drivers, perception, requests, case.queue, others=case.others, num_moving=case.num_moving)

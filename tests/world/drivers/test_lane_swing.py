@@ -16,6 +16,8 @@ from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, world_of
 from tests.world.road_factory import CAR, arc, car, line, make
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 RADIUS, HALF_LANE = 8.75, 1.75
 
 

@@ -58,7 +58,7 @@ def test_few_drivers_perceive_and_choose_what_many_do(
 
 def test_few_drivers_of_many_worlds_look_as_many_do(monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = (Worlds("parking", 3, traffic=1, seed=1) for _ in range(2))
-    for _ in range(5):
+    for _ in range(3):
         one.step(n=20)
         with monkeypatch.context() as patched:
             patched.setattr(driver_perception, "FEW", 0)

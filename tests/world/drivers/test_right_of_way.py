@@ -25,7 +25,7 @@ pytestmark = pytest.mark.usefixtures("loops")
 def test_crossing_vehicles_take_turns(offset: float) -> None:
     world = world_of(crossing())
     rows = [car(world, "w", 120.0, speed=12.0), car(world, "s", 120.0 - offset, speed=12.0)]
-    run(world, 18.0)
+    run(world, 15.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
 
 
@@ -71,7 +71,7 @@ def test_four_drivers_that_are_equally_near_all_get_through() -> None:
             lanes[f"{name}{part}"] = line(start, end), f"{name}{part + 1}" if part < 2 else ""
     world = world_of(make(**lanes))
     rows = [car(world, f"{name}0", 100.0, speed=10.0, desired_speed=10.0) for name in ways]
-    run(world, 25.0)
+    run(world, 20.0)
     assert [lane_of(world, row) for row in rows] == [f"{name}2" for name in ways]
 
 
@@ -99,7 +99,7 @@ def test_vehicle_does_not_enter_a_crossing_that_it_cannot_leave() -> None:
     blocker = car(world, "e", 4.0, desired_speed=0.0)
     waiting = car(world, "w", 140.0, speed=10.0)
     crosses = car(world, "s", 100.0, speed=10.0)
-    run(world, 18.0)
+    run(world, 14.0)
     assert (lane_of(world, waiting), lane_of(world, crosses)) == ("w", "n")
     world.remove(int(world.uid[blocker]))
     run(world, 10.0)
@@ -112,7 +112,7 @@ def test_vehicle_enters_a_crossing_with_room_for_itself_and_its_gap_behind(spare
     world = world_of(crossing())
     car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, desired_speed=0.0)
     row = car(world, "w", 160.0, speed=8.0)
-    run(world, 15.0)
+    run(world, 11.0)
     assert lane_of(world, row) == lane
 
 

@@ -52,7 +52,7 @@ def drive(num: int) -> list[str]:
     world, digests = town_of(num), []
     assert world.has_lane.sum() == num
     start = world.arc.copy()
-    for _ in range(120):
+    for _ in range(80):
         step(world)
         digests.append(world.digest() if world.frame % 10 == 0 else "")
     assert (world.arc != start).any()

@@ -43,7 +43,7 @@ def test_speed_limit_is_reached_by_each_driver_times_its_own_factor() -> None:
     for i, lane in enumerate(world.roads.ids):
         world.spawn(Kind.OBSTACLE, CAR, name="far", x=0.0, y=1e5 + 10.0 * i, uid=10 * i + 10)  # drivers: 11, 21, 31
         rows.append(car(world, lane, 10.0))
-    speeds = run(world, 30.0)[:, rows]
+    speeds = run(world, 24.0)[:, rows]
     wanted = parameters(world).speed_factor[rows] * 15.0
     assert len(set(wanted.tolist())) == len(rows)
     assert (speeds.max(axis=0) <= wanted + 1e-9).all()
@@ -54,7 +54,7 @@ def test_speed_limit_is_reached_by_each_driver_times_its_own_factor() -> None:
 def test_driver_with_a_given_speed_keeps_the_limit() -> None:
     world = world_of(road(limit=15.0))
     car(world, "a", 10.0, speed=10.0, desired_speed=20.0)
-    speeds = run(world, 20.0)
+    speeds = run(world, 15.0)
     assert speeds.max() <= 15.0 + 1e-9
     assert speeds[-1, 0] > 14.5
 
@@ -62,14 +62,14 @@ def test_driver_with_a_given_speed_keeps_the_limit() -> None:
 def test_no_driver_exceeds_its_desired_speed() -> None:
     world = world_of(road(limit=30.0))
     row = car(world, "a", 10.0, speed=12.0, desired_speed=8.0)
-    speeds = run(world, 15.0)
+    speeds = run(world, 11.0)
     assert speeds[-1, row] == pytest.approx(8.0, abs=0.1)
 
 
 def test_vehicle_stops_at_the_end_of_the_road() -> None:
     world = world_of(road(length=100.0))
     row = car(world, "a", 10.0, speed=15.0)
-    run(world, 25.0)
+    run(world, 16.0)
     assert world.speed[row] < 0.01
     assert to_line(world, row) == pytest.approx(1.0, abs=0.3)
 
@@ -90,7 +90,7 @@ def test_lower_limit_is_kept_from_its_first_metre() -> None:
     world = world_of(roads)
     row = car(world, "a", 10.0, speed=20.0, desired_speed=20.0)
     at = {"a": 0.0, "b": 0.0, "c": 0.0}
-    for _ in range(1200):
+    for _ in range(1000):
         step(world)
         at[lane_of(world, row)] = max(at[lane_of(world, row)], float(world.speed[row]))
     assert at["b"] < 8.0 + 1.0
@@ -101,7 +101,7 @@ def test_bend_speed_has_a_comfortable_lateral_acceleration() -> None:
     ring = make(a=(arc(0, 0, 30.0, 0, 180), "b", 30.0), b=(arc(0, 0, 30.0, 180, 180), "a", 30.0))
     world = world_of(ring)
     row = car(world, "a", 5.0, speed=4.0)
-    run(world, 15.0)
+    run(world, 12.0)
     lateral = parameters(world).lateral[row]
     assert world.speed[row] == pytest.approx(math.sqrt(lateral * 30.0), rel=0.05)
     assert world.yaw_rate[row] == pytest.approx(world.speed[row] / 30.0, rel=0.1)
@@ -138,7 +138,7 @@ def test_slower_lead_vehicle_is_followed_at_a_time_gap() -> None:
     world = world_of(road(length=3000.0, limit=20.0))
     slow = car(world, "a", 200.0, desired_speed=10.0, speed=10.0)
     fast = car(world, "a", 160.0, speed=15.0)
-    run(world, 30.0)
+    run(world, 24.0)
     gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
     assert gap == pytest.approx(2.5 + parameters(world).headway[fast] * 10.0, rel=0.05)
@@ -172,7 +172,7 @@ def test_queue_discharges_as_fast_as_in_sumo() -> None:
         run(world, 5.0)
         world.signals.force(0, Lamp.GREEN)
         noses = []
-        for _ in range(1300):
+        for _ in range(1100):
             step(world)
             noses.append(world.x[rows] + NOSE)
             assert world.accel[rows].max() <= 2.6
@@ -195,7 +195,7 @@ def test_nobody_crashes_behind_an_emergency_stop_and_the_braking_fades_along_the
     run(world, 5.0)
     command(world, leader, mode=Mode.PEDALS, steer=0.0, brake=1.0)
     hardest = np.zeros(len(rows))
-    for _ in range(1000):
+    for _ in range(800):
         step(world)
         assert not len(world.contacts)
         hardest = np.fmin(hardest, world.accel[rows])
@@ -239,7 +239,7 @@ def test_vehicle_two_lanes_ahead_is_seen_in_time() -> None:
     world = world_of(roads)
     front = car(world, "l20", 5.0, desired_speed=0.0)
     back = car(world, "l8", 1.0, speed=15.0)
-    speeds = run(world, 18.0)
+    speeds = run(world, 15.0)
     assert speeds[-1, back] < 0.02
     assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(2.5, abs=0.3)
 
@@ -253,7 +253,7 @@ def test_vehicle_at_a_fork_blocks_both_lanes() -> None:
     world = world_of(roads)
     car(world, "b", 1.5, desired_speed=0.0)
     other = car(world, "a", 50.0, speed=10.0, route="a c")
-    run(world, 15.0)
+    run(world, 11.0)
     assert lane_of(world, other) == "a"
     assert world.speed[other] < 0.02
 
@@ -313,7 +313,7 @@ def test_vehicle_waits_for_a_left_arrow() -> None:
     world = world_of(roads, plan)
     world.signals.force(0, Lamp.GREEN)
     row = car(world, "a", 50.0, speed=10.0, route="a c")
-    run(world, 15.0)
+    run(world, 10.0)
     assert lane_of(world, row) == "a"
     world.signals.force(0, Lamp.RED | Lamp.LEFT)
     run(world, 5.0)
@@ -324,7 +324,7 @@ def test_unlit_light_stops_no_vehicle() -> None:
     roads, _ = signalled()
     world = world_of(roads, SignalPlan(roads, [Light("x", lanes=(1,)), Light("warn", lamps=Lamp.YELLOW, lanes=(4,))]))
     rows = [car(world, "w", 150.0, speed=10.0), car(world, "s", 70.0, speed=10.0)]
-    run(world, 18.0)
+    run(world, 16.0)
     assert [lane_of(world, row) for row in rows] == ["e", "n"]
 
 
@@ -335,7 +335,7 @@ def test_vehicles_follow_and_wait_for_an_ego() -> None:
     world = world_of(road())
     other = ego(world, 100.0, 0.3)
     row = car(world, "a", 10.0, speed=15.0)
-    run(world, 20.0)
+    run(world, 14.0)
     assert world.speed[row] < 0.02
     assert world.x[other] - CAR.rear_overhang - world.x[row] - NOSE == pytest.approx(2.5, abs=0.3)
 
@@ -357,7 +357,7 @@ def test_obstacle_blocks_the_lane_within_half_a_car_width_and_a_margin(
     world = world_of(road())
     world.spawn(Kind.OBSTACLE, Body.box(0.5, 0.5, 1.0), name="thing", x=120.0, y=side * (clear + 0.25))
     row = car(world, "a", 80.0, speed=10.0)
-    run(world, 12.0)
+    run(world, 8.0)
     assert (world.x[row] > 130.0) is np.bool_(is_passed)
 
 
@@ -366,7 +366,7 @@ def test_vehicle_stops_for_pedestrians_and_obstacles(kind: Kind) -> None:
     world = world_of(road())
     uid = world.spawn(kind, Body.box(0.5, 0.5, 1.7), name="thing", x=120.0, y=0.8)
     row = car(world, "a", 10.0, speed=15.0)
-    run(world, 20.0)
+    run(world, 14.0)
     assert (world.speed[row] < 0.02, world.x[row] < 120.0 - NOSE) == (True, True)
     world.remove(uid)
     run(world, 5.0)
@@ -378,7 +378,7 @@ def test_vehicle_lets_a_crossing_pedestrian_pass() -> None:
     way = np.array([[150.0, -8.0], [150.0, 8.0]])
     world.spawn(Kind.PEDESTRIAN, Body.box(0.5, 0.5, 1.7), name="man", x=150.0, y=-8.0, path=way, speed=1.2)
     row = car(world, "a", 80.0, speed=10.0)
-    run(world, 25.0)
+    run(world, 20.0)
     assert world.x[row] > 200.0
 
 
@@ -418,14 +418,14 @@ def crowd(seed: int = 0, num: int = 30, *, is_alone: bool = False) -> World:
 
 def test_the_same_seed_gives_the_same_bits_with_or_without_a_snapshot_between() -> None:
     first, second, third = crowd(), crowd(), crowd(seed=5)
-    for frame in range(150):
-        if frame == 73:
+    for frame in range(100):
+        if frame == 43:
             third.restore(first.snapshot())
-        if frame == 101:
+        if frame == 61:
             second.touch()
-        for world in (first, second, third)[: 2 if frame < 73 else 3]:
+        for world in (first, second, third)[: 2 if frame < 43 else 3]:
             step(world)
-        if frame > 73 and frame % 50 == 0:
+        if frame > 43 and frame % 25 == 0:
             assert first.digest() == second.digest() == third.digest()
     assert first.digest() == second.digest() == third.digest()
 
@@ -512,7 +512,7 @@ def test_red_run_counter_finds_vehicles_that_ignore_lights(monkeypatch: pytest.M
 
     monkeypatch.setattr("rosbridge_sim.world.followers.lane_following.perceive", blind)
     monkeypatch.setattr(LANE_LOOPS, "make", None)  # they call no function of Python
-    assert red_runs(crowd(num=20, is_alone=True), 15.0) > 3
+    assert red_runs(crowd(num=20, is_alone=True), 10.0) > 3
 
 
 @pytest.mark.slow

@@ -97,9 +97,9 @@ def check_accelerations(told: list[PublishedMotion]) -> None:
 def test_steady_bend_gives_the_motion_of_the_rear_axle(radius: float) -> None:
     world = ring(radius)
     rows = np.array([0])
-    for _ in range(250):
+    for _ in range(150):
         step(world)
-    told = follow(world, rows, 200)
+    told = follow(world, rows, 150)
     check_accelerations(told)
     for before, now, after in zip(told, told[1:], told[2:], strict=False):
         speed = float(now.speed[0])
@@ -157,7 +157,7 @@ def test_upward_part_of_a_velocity_is_that_of_the_slope_at_a_corner_too(*, is_on
 def test_velocities_and_accelerations_in_the_town_are_consistent() -> None:
     world = town()
     rows = np.flatnonzero(world.has_lane)
-    told = follow(world, rows, 900)
+    told = follow(world, rows, 600)
     check_accelerations(told)
     lateral, stood = [], 0
     for before, now in pairwise(told):
@@ -194,7 +194,7 @@ def test_velocities_and_accelerations_on_a_path_are_consistent(path: FloatArray,
     world = World()
     kind = Kind.VEHICLE if body is CAR else Kind.PEDESTRIAN
     row = npc(world, kind=kind, body=body, x=path[0, 0], y=path[0, 1], path=path, is_loop=True, speed=2.0)
-    told = follow(world, np.array([row]), 700)
+    told = follow(world, np.array([row]), 500)
     check_accelerations(told)
     lag = round(SPAN[kind] / 2.0 / 2.0 / DT)  # frames for half of the span
     for before, now, after in zip(told, told[lag:], told[2 * lag :], strict=False):
@@ -236,7 +236,7 @@ def test_accelerations_on_any_path_are_differences_of_velocities(
         return
     x, y, z = points[0]
     row = npc(world, x=x, y=y, z=z, path=path, is_loop=is_loop, speed=speed)
-    told = follow(world, np.array([row]), 60)
+    told = follow(world, np.array([row]), 40)
     check_accelerations([now for now in told if now.speed[0] > 0.0])
     for now in told:
         assert largest(now.velocity) <= speed + 1e-9

@@ -48,7 +48,7 @@ def test_self_driving_ego_steers_onto_its_lane_and_reaches_the_limit() -> None:
     world = world_of(road(limit=LIMIT))
     row = self_driving_ego(world, 10.0, 1.5, yaw=0.1)
     assert (world.x[row], world.y[row]) == (10.0, 1.5)  # nobody lifts it there
-    run(world, 20.0)
+    run(world, 15.0)
     assert world.y[row] == pytest.approx(0.0, abs=0.01)
     assert LIMIT - 0.5 < world.speed[row] <= LIMIT + 0.1
 
@@ -90,7 +90,7 @@ def test_self_driving_ego_keeps_its_gap_to_the_lead_vehicle() -> None:
     world = world_of(road(limit=LIMIT))
     before = car(world, "a", 40.0, desired_speed=0.0)
     row = self_driving_ego(world, 10.0)
-    run(world, 15.0)
+    run(world, 12.0)
     assert not len(world.contacts)
     assert world.speed[row] == pytest.approx(0.0, abs=0.01)
     gap = world.x[before] - CAR.rear_overhang - (world.x[row] + CAR.length - CAR.rear_overhang)
@@ -106,7 +106,7 @@ def test_vehicles_keep_their_gap_to_a_self_driving_ego() -> None:
     assert start_self_driving(world, row)
     world.desired_speed[row] = 5.0
     world.touch()
-    run(world, 25.0)
+    run(world, 18.0)
     assert not len(world.contacts)
     assert world.speed[behind] == pytest.approx(world.speed[row], abs=0.2)
 

@@ -22,6 +22,8 @@ from rosbridge_sim.world.state.world import DT, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, MAPS, built_in
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 NAMES: Final = ("track", "town", "loop", "hills", "motorway", "roundabout", "parking")
 THINNED: Final = ("track", "loop", "hills", "motorway", "roundabout")
 FRAMES: Final = 110

@@ -35,7 +35,7 @@ def test_cells_find_what_a_search_without_them_finds(name: str) -> None:
     roads = LIBRARY.map(name).roads
     plain, cells = searches_of(roads)
     for seed in range(3):
-        place, heading, height = places_near(roads, 400, seed % 2)
+        place, heading, height = places_near(roads, 200, seed % 2)
         for each in (None, height):
             assert np.array_equal(cells.nearest(place, heading, each), plain.nearest(place, heading, each))
 
@@ -46,7 +46,7 @@ def test_cells_find_the_lanes_around_places_that_a_search_without_them_finds(nam
     roads = LIBRARY.map(name).roads
     plain, cells = searches_of(roads)
     for seed in range(3):
-        place = places_near(roads, 400, seed % 2)[0]
+        place = places_near(roads, 250, seed % 2)[0]
         place[::5] = np.round(place[::5] / segment_cells.CELL) * segment_cells.CELL
         radius = np.random.default_rng(seed).uniform(0.0, most, len(place))
         radius[::7] = most
@@ -67,7 +67,7 @@ def test_places_of_a_drive_are_found_alike_and_with_few_looks(name: str, monkeyp
         return look(own, keys)
 
     monkeypatch.setattr(SegmentCells, "_look_around", count)
-    for s in np.arange(0.0, 200.0, 0.5):
+    for s in np.arange(0.0, 200.0, 1.0):
         (point,), (yaw,) = roads.at([0], [s])
         place, radius = point[None, :2] + [0.7, -1.3], np.array([segment_cells.AROUND])
         used.add(tuple((place[0] // segment_cells.CELL).tolist()))

@@ -45,7 +45,7 @@ def drive_at_random(world: World, rng: np.random.Generator) -> None:
 def test_cars_have_the_bits_of_floats_and_of_arrays(num: int, *, is_stable: bool) -> None:
     one, other = (cars(num, seed=num, is_stable=is_stable) for _ in range(2))
     rngs = [np.random.default_rng(1) for _ in range(2)]
-    for frame in range(150):
+    for frame in range(105):
         if frame % 30 == 0:
             for world, rng in zip((one, other), rngs, strict=True):
                 drive_at_random(world, rng)

@@ -102,10 +102,10 @@ def test_all_that_counts_has_been_met() -> None:
 
 
 def test_many_worlds_are_judged_likewise() -> None:
-    one, other = (Worlds("town", 3, traffic=12, seed=7, egos=2) for _ in range(2))
-    for part in range(8):
+    one, other = (Worlds("town", 3, traffic=5, seed=7, egos=2) for _ in range(2))
+    for part in range(5):
         commands: dict[str, npt.ArrayLike] = {"steering": [[0.1], [0.0], [-0.05]], "speed": 8.0}
-        if part == 5:
+        if part == 3:
             for worlds in (one, other):
                 worlds.reset([True, False, False])
                 worlds.place(1, x=0.0, y=0.0, yaw=0.0, ego=1)
@@ -122,7 +122,7 @@ def test_many_worlds_are_judged_likewise() -> None:
 def test_egos_see_their_lanes_likewise(name: str) -> None:
     worlds = Worlds(name, 3, egos=2)
     roads, rng = worlds.map_of(0).road_map.roads, np.random.default_rng(0)
-    for _ in range(20):
+    for _ in range(10):
         for world in range(3):
             lane = int(rng.integers(len(roads)))
             point, yaw = roads.at([lane], [rng.uniform(0.0, roads.length[lane])])
@@ -145,7 +145,7 @@ def test_egos_see_their_lanes_likewise(name: str) -> None:
 @pytest.mark.parametrize("name", ["hills", "motorway"])
 def test_egos_see_others_likewise(name: str, num_worlds: int, egos: int) -> None:
     worlds = Worlds(name, num_worlds, traffic=9, egos=egos)
-    for num in (1, 3, 8, 40, 200):
+    for num in (1, 3, 40):
         worlds.step({"steering": 0.02, "speed": 12.0}, 7)
         with with_loops(are_there=False):
             expected = worlds.others(num)

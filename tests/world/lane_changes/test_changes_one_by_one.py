@@ -300,7 +300,7 @@ def test_driver_on_its_way_stops_to_accelerate_before_it_would_have_to_brake(old
     """What stands is a little on its side of the lane that it leaves."""
     found = []
     sign = 1.0 if old == LEFT else -1.0
-    for gap in np.arange(2.0, 50.0, 4.0).tolist():
+    for gap in np.arange(2.0, 30.0, 4.0).tolist():
         world = world_of(wide_road(2))
         row = car(world, "l1" if old == LEFT else "l0", 100.0, speed=10.0)
         world.leaving[row], world.lateral_left[row], world.accel[row] = old + 1, 0.7, 1.5

@@ -68,7 +68,7 @@ def test_a_shift_is_smooth_and_along_the_heading(line: str) -> None:
 @pytest.mark.parametrize(("speed", "usual"), [(10.0, 4.0), (30.0, 4.8)])
 def test_lane_changes_take_three_to_six_seconds_by_driver_and_speed(speed: float, usual: float) -> None:
     world = world_of(road(9000.0, limit=40.0))
-    rows = np.array([car(world, "a", 80.0 * i, speed=speed, desired_speed=speed) for i in range(100)])
+    rows = np.array([car(world, "a", 80.0 * i, speed=speed, desired_speed=speed) for i in range(60)])
     shift(world, rows, np.full(len(rows), 3.5))
     world.touch()
     frames = np.zeros(len(rows))

@@ -52,7 +52,7 @@ def road_with_a_ramp() -> Roads:
 @pytest.mark.slow
 def test_eight_cars_pass_an_ego_that_stands_on_a_wide_road() -> None:
     world, rows = queue_behind_an_ego()
-    speeds = run(world, 25.0)
+    speeds = run(world, 22.0)
     assert (world.x[rows] > 320.0).all()
     assert speeds[:, rows].min() > 8.0  # nobody had to queue
 
@@ -62,7 +62,7 @@ def test_car_that_stands_behind_an_ego_pulls_out() -> None:
     world = world_of(wide_road(2))
     ego(world, 60.0, 0.0)
     row = car(world, "l0", 20.0, speed=0.0, desired_speed=15.0)
-    run(world, 20.0)
+    run(world, 16.0)
     assert world.x[row] > 90.0
 
 

@@ -42,7 +42,7 @@ def test_pedestrian_crosses_a_free_road_and_stops_at_the_end_of_its_path() -> No
     world = world_of(road())
     row = walker(world)
     states = set()
-    for _ in range(1300):
+    for _ in range(1150):
         step(world)
         states.add(int(world.yields[row]))
     assert states == {1, COMMITTED}
@@ -54,7 +54,7 @@ def test_pedestrian_crosses_each_road_on_its_path() -> None:
     world = world_of(make(a=(line((0, 0), (100, 0)), ""), b=(line((0, 12), (100, 12)), "")))
     row = walker(world, np.array([[50.0, -5.0], [50.0, 18.0]]))
     states = set()
-    for _ in range(1100):
+    for _ in range(950):
         step(world)
         states.add(int(world.yields[row]))
     assert states == {1, COMMITTED, COMMITTED + 1}
@@ -226,7 +226,7 @@ def test_acceleration_of_people_is_the_change_of_their_speed() -> None:
 def test_somebody_at_the_kerb_steps_back_from_a_vehicle_that_comes_too_near(room: float, *, steps_back: bool) -> None:
     world = lit(Lamp.RED)
     row = walker(world, np.array([[50.0, -4.0], [50.0, 12.0]]))
-    for _ in range(200):
+    for _ in range(150):
         step(world)
     kerb = float(world.y[row])
     y = kerb + room + 0.5 * CAR.width  # at 0.3 m its side is at the chest
@@ -368,7 +368,7 @@ def crowd() -> World:
 def test_people_who_meet_pass_without_touching() -> None:
     world = crowd()
     least = 9.0
-    for frame in range(1200):
+    for frame in range(900):
         step(world)
         if frame % 5 == 0:
             away = np.hypot(world.x[:, None] - world.x, world.y[:, None] - world.y) + 9.0 * np.eye(10)
@@ -388,7 +388,7 @@ def test_people_walk_around_a_car_that_stands_across_their_path() -> None:
             place = x - offset * np.cos(yaw), y - offset * np.sin(yaw)
             world.spawn(Kind.VEHICLE, CAR, name="car", x=place[0], y=place[1], yaw=yaw)
             walkers[walker(world, np.array([[x, y - 8.0], [x, y + 7.0]]))] = y
-    for _ in range(1300):
+    for _ in range(950):
         step(world)
         assert not len(world.contacts)
     assert [row for row, y in walkers.items() if world.y[row] < y + 5.0] == []
@@ -398,8 +398,8 @@ def test_the_same_bits_come_from_a_snapshot_and_beside_people_far_away() -> None
     first, second, third = crowd(), crowd(), crowd()
     for i in range(40):
         walker(third, np.array([[1e4 + 0.7 * i, 0.0], [1e4, 50.0]]))
-    for frame in range(300):
-        if frame == 122:
+    for frame in range(200):
+        if frame == 72:
             second.restore(first.snapshot())
         for world in (first, second, third):
             step(world)
@@ -474,7 +474,7 @@ def test_vehicle_on_a_path_drives_on_when_the_way_is_free_again() -> None:
         step(world)
     assert world.speed[row] < 0.1
     world.remove(thing)
-    for _ in range(600):
+    for _ in range(450):
         step(world)
     assert world.x[row] == pytest.approx(60.0, abs=0.5)
 

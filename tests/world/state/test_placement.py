@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.state.placement import place_ghost, place_ghosts, set_speed, teleport
-from rosbridge_sim.world.state.world import Body, Gear, Kind, World
+from rosbridge_sim.world.state.world import DT, Body, Gear, Kind, World
 from rosbridge_sim.world.step import step
-from tests.world.driven_cars import CAR, ego, pedals, speeds
+from tests.world.driven_cars import CAR, ego, pedals
+
+
+def run(world: World, seconds: float) -> None:
+    for _ in range(round(seconds / DT)):
+        step(world)
 
 
 def test_teleport_to_a_non_finite_place_is_refused() -> None:
@@ -26,7 +31,7 @@ def test_teleport_to_a_non_finite_place_is_refused() -> None:
 def test_teleport_keeps_command_gear_and_steering() -> None:
     world = ego(speed=5.0)
     pedals(world, throttle=0.5, steer=0.2)
-    speeds(world, 1.0)
+    run(world, 1.0)
     teleport(world, 0, x=7.0, y=8.0, z=9.0, yaw=-7.0, speed=2.0, roll=0.1, pitch=-0.1)
     assert (world.x[0], world.y[0], world.z[0], world.roll[0], world.pitch[0]) == (7.0, 8.0, 9.0, 0.1, -0.1)
     assert world.yaw[0] == pytest.approx(2 * math.pi - 7.0)
@@ -40,12 +45,12 @@ def test_ghost_stands_and_keeps_its_speed_until_a_command() -> None:
     world = ego()
     pedals(world, throttle=1.0)
     place_ghost(world, 0, x=5.0, y=6.0, z=7.0, yaw=4.0, speed=20.0, roll=0.1, pitch=0.2)
-    speeds(world, 1.0)
+    run(world, 1.0)
     assert (world.x[0], world.y[0], world.z[0], world.speed[0]) == (5.0, 6.0, 7.0, 20.0)
     assert world.yaw[0] == pytest.approx(4.0 - math.tau)
     assert (world.roll[0], world.pitch[0], world.accel[0]) == (0.1, 0.2, 0.0)
     pedals(world)
-    speeds(world, 0.1)
+    run(world, 0.1)
     assert math.hypot(world.x[0] - 5.0, world.y[0] - 6.0) == pytest.approx(2.0, rel=0.05)
 
 
@@ -56,11 +61,11 @@ def test_ghost_stands_while_another_ego_drives() -> None:
     world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=27.0, speed=10.0)
     place_ghost(world, 0, x=1.0, y=0.0, z=0.0, yaw=0.0, speed=10.0)
     place_ghost(world, 2, x=1.0, y=18.0, z=0.0, yaw=0.0, speed=10.0)
-    speeds(world, 1.0)
+    run(world, 1.0)
     assert world.x[[0, 2]].tolist() == [1.0, 1.0]
     assert (world.x[[1, 3]] > 9.0).all()
     teleport(world, 2, x=1.0, y=18.0, z=0.0, yaw=0.0, speed=10.0)
-    speeds(world, 1.0)
+    run(world, 1.0)
     assert world.x[0] == 1.0
     assert world.x[2] == pytest.approx(11.0)
 

@@ -21,6 +21,8 @@ from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
 from tests.world.road_factory import CAR, built_in, line, make
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 MAN = Body.box(0.45, 0.55, 1.7)
 CONE = Body.box(0.4, 0.4, 0.3)
 BRIDGE = 6.5  # height of the bridge of the map hills, over (0, 0) [m]

@@ -222,7 +222,7 @@ def test_removal_does_not_change_other_entities() -> None:
     gone = [2, *range(5, 24, 3), *range(6, 24, 3)]
     for uid in gone:
         without.remove(uid)
-    for _ in range(200):
+    for _ in range(100):
         step(with_all)
         step(without)
     for uid in (0, 1, 3, 4, 7, 10, 22):
@@ -251,14 +251,14 @@ def test_restored_world_goes_on_to_the_bit() -> None:
     world.remove(2)
     saved = pickle.loads(pickle.dumps(world.snapshot()))  # noqa: S301 - our own
     start = world.digest()
-    run(world, 300)
+    run(world, 120)
     car(world, path=CIRCLE, speed=3.0)
     run(world, 10)
     end = world.digest()
     for target in (world, world, World(seed=9)):
         target.restore(saved)
         assert target.digest() == start
-        run(target, 300)
+        run(target, 120)
         car(target, path=CIRCLE, speed=3.0)
         run(target, 10)
         assert target.digest() == end
@@ -386,7 +386,7 @@ def test_unused_reserved_room_is_released() -> None:
 def test_names_are_released_with_their_entities() -> None:
     world = World()
     tracemalloc.start()
-    for i in range(20):
+    for i in range(5):
         world.remove(world.spawn(Kind.VEHICLE, Body(), name=f"{i}" * 1_000_000, x=0.0, y=0.0))
     size, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()

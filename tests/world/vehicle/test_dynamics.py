@@ -18,9 +18,8 @@ from rosbridge_sim.world.state.commands import command, shift
 from rosbridge_sim.world.state.control_columns import STICTION
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import DT, Body, Gear, Kind, Mode, World
-from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle.dynamics import drive
-from tests.world.driven_cars import CAR, SLICK, ego, pedals, speeds
+from tests.world.driven_cars import CAR, SLICK, ego, move, pedals, speeds
 from tests.world.polylines import left_of, point_at
 
 # -- steering and the arc
@@ -34,7 +33,7 @@ def test_rear_axle_follows_a_circle_of_wheelbase_over_tangent_at_constant_steeri
     pedals(world, steer=steer)
     radius = CAR.wheelbase / math.tan(steer)
     for _ in range(250):
-        step(world)
+        move(world)
         assert math.hypot(world.x[0], world.y[0] - radius) == pytest.approx(abs(radius), rel=1e-9)
 
 
@@ -54,7 +53,7 @@ def test_steering_is_clipped_and_rate_limited() -> None:
     pedals(world, steer=9.0)
     assert world.steer_cmd[0] == CAR.max_steer
     for i in range(1, 40):
-        step(world)
+        move(world)
         assert world.steer[0] == pytest.approx(i * CAR.max_steer_rate * DT)
     speeds(world, 1.0)
     assert world.steer[0] == CAR.max_steer
@@ -69,8 +68,8 @@ def test_left_and_right_are_mirror_images() -> None:
         steer = 0.3 * math.sin(i / 20)
         pedals(left, throttle=0.4, steer=steer)
         pedals(right, throttle=0.4, steer=-steer)
-        step(left)
-        step(right)
+        move(left)
+        move(right)
         assert left.x[0] == right.x[0]
         assert left.y[0] == -right.y[0]
         assert left.yaw[0] == -right.yaw[0]
@@ -84,7 +83,7 @@ def test_motion_is_independent_of_the_heading() -> None:
     for i in range(200):
         for world in (here, there):
             pedals(world, throttle=0.5, steer=0.2 * math.cos(i / 30))
-            step(world)
+            move(world)
     x = 100.0 + here.x[0] * math.cos(turn) - here.y[0] * math.sin(turn)
     y = -70.0 + here.x[0] * math.sin(turn) + here.y[0] * math.cos(turn)
     assert (there.x[0], there.y[0]) == pytest.approx((x, y), abs=1e-9)
@@ -106,7 +105,7 @@ def test_headings_stay_within_half_a_turn() -> None:
     for steer in (0.5, -0.5):
         pedals(world, steer=steer)
         for _ in range(600):
-            step(world)
+            move(world)
             assert -math.pi < world.yaw[0] <= math.pi
 
 
@@ -115,12 +114,12 @@ def test_heading_due_west_stays_pi() -> None:
     speeds(world, 1.0)
     assert world.yaw[0] == math.pi
     world.yaw[0] = -math.pi  # as an unlucky sum might leave it
-    step(world)
+    move(world)
     assert world.yaw[0] == math.pi
 
 
 def test_smaller_steps_reduce_the_error() -> None:
-    """Against a step of a sixty-fourth: the error falls at least in proportion with the step."""
+    """Against a step of a sixteenth: the error falls at least in proportion with the step."""
 
     def end(parts: int) -> tuple[float, float]:
         world = ego(speed=3.0)
@@ -131,7 +130,7 @@ def test_smaller_steps_reduce_the_error() -> None:
                 drive(world, DT / parts)
         return float(world.x[0]), float(world.y[0])
 
-    truth = end(32)
+    truth = end(16)
     errors = [math.dist(end(parts), truth) for parts in (1, 2, 4)]
     assert errors[0] < 0.01  # after three seconds and 20 m
     assert errors[1] < 0.6 * errors[0]
@@ -144,7 +143,7 @@ def test_smaller_steps_reduce_the_error() -> None:
 def test_full_throttle_acceleration_is_that_of_a_fast_family_car() -> None:
     world = ego()
     pedals(world, throttle=1.0)
-    trace = speeds(world, 120.0)
+    trace = speeds(world, 60.0)
     to_100 = next(i for i, speed in enumerate(trace) if speed > 100 / 3.6) * DT
     assert 9.0 < to_100 < 11.0
     assert 175.0 < trace[-1] * 3.6 < 185.0
@@ -176,7 +175,7 @@ def test_braked_car_stops_and_stays_to_the_bit(speed: float) -> None:
     speeds(world, 6.0)
     place = (world.x[0], world.y[0], world.yaw[0])
     for _ in range(200):
-        step(world)
+        move(world)
         assert (world.speed[0], world.accel[0], world.lateral_accel[0], world.yaw_rate[0]) == (0.0, 0.0, 0.0, 0.0)
         assert not np.signbit(world.speed[0])
     assert (world.x[0], world.y[0], world.yaw[0]) == place
@@ -201,10 +200,10 @@ def test_too_little_throttle_does_not_overcome_the_rolling_resistance() -> None:
 def test_pedals_are_clipped_and_reported_as_commanded() -> None:
     world = ego()
     pedals(world, throttle=7.0, brake=-3.0)
-    step(world)
+    move(world)
     assert (world.throttle[0], world.brake[0]) == (1.0, 0.0)
     pedals(world, throttle=0.25, brake=0.125)
-    step(world)
+    move(world)
     assert (world.throttle[0], world.brake[0]) == (0.25, 0.125)
 
 
@@ -283,7 +282,7 @@ def test_target_speed_zero_stops_without_throttle(gear: Gear) -> None:
     command(world, 0, mode=Mode.SPEED, speed=0.0, steer=0.1)
     speeds(world, 5.0)
     for _ in range(100):
-        step(world)
+        move(world)
         assert (world.speed[0], world.accel[0], world.throttle[0]) == (0.0, 0.0, 0.0)
 
 
@@ -302,21 +301,21 @@ def test_acceleration_mode_holds_its_acceleration() -> None:
     command(world, 0, mode=Mode.ACCEL, accel=1.5, steer=0.0)
     speeds(world, 0.1)  # the first step starts against the rolling resistance alone
     for _ in range(200):
-        step(world)
+        move(world)
         assert world.accel[0] == pytest.approx(1.5)
     assert 0.0 < world.throttle[0] <= 1.0
 
 
-@pytest.mark.parametrize("accel", [-0.02, -1.0, -6.0, -1e9])
+@pytest.mark.parametrize("accel", [-0.05, -1.0, -6.0, -1e9])
 def test_constant_negative_acceleration_stops_the_car_for_good(accel: float) -> None:
     world = ego(speed=2.0)
     command(world, 0, mode=Mode.ACCEL, accel=accel, steer=0.0)
-    step(world)
+    move(world)
     if accel > -CAR.max_decel:
         assert world.accel[0] == pytest.approx(accel)
     speeds(world, 2.1 / min(1.0, -accel))
     for _ in range(100):
-        step(world)
+        move(world)
         assert world.speed[0] == 0.0
 
 
@@ -338,10 +337,10 @@ def test_positive_acceleration_in_reverse_drives_backwards() -> None:
 def test_acceleration_beyond_the_pedals_presses_them_fully() -> None:
     world = ego(speed=10.0)
     command(world, 0, mode=Mode.ACCEL, accel=50.0, steer=0.0)
-    step(world)
+    move(world)
     assert (world.throttle[0], world.brake[0]) == (1.0, 0.0)
     command(world, 0, mode=Mode.ACCEL, accel=-50.0, steer=0.0)
-    step(world)
+    move(world)
     assert (world.throttle[0], world.brake[0]) == (0.0, 1.0)
 
 
@@ -432,7 +431,7 @@ def test_fast_path_equals_slow_path_for_any_row_layout(
                 car.gear = gear
             command(world, row, **wish)
             car.step(wish, DT)
-        step(world)
+        move(world)
         for row, car in zip(rows, slow, strict=True):
             for name in ("x", "y", "speed", "steer", "throttle", "brake"):
                 assert getattr(world, name)[row] == pytest.approx(getattr(car, name), abs=1e-8), name
@@ -462,7 +461,7 @@ def test_pure_pursuit_keeps_the_rear_axle_on_a_winding_road(kmh: float) -> None:
         left = left_of(goal[0] - x, goal[1] - y, heading)
         steer = math.atan2(2.0 * CAR.wheelbase * left, (goal[0] - x) ** 2 + (goal[1] - y) ** 2)
         command(world, 0, mode=Mode.SPEED, speed=kmh / 3.6, steer=steer)
-        step(world)
+        move(world)
     else:
         pytest.fail("the end of the road was not reached")
     assert world.speed[0] == pytest.approx(kmh / 3.6)

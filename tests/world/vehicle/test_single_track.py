@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +27,9 @@ from rosbridge_sim.world.vehicle.dynamics import drive
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
 from rosbridge_sim.world.vehicle.wheel_readings import NO_READING, read_wheel
 from tests.world.driven_cars import CAR, pedals, speeds
+from tests.world.kernels.compiled_loops import with_loops
+
+pytestmark = pytest.mark.usefixtures("loops")
 
 # A car that nothing slows, with an engine without a bound of power
 FREE = replace(CAR, rolling=0.0, air_drag=0.0, engine_drag=0.0, power=1e3)
@@ -566,7 +569,13 @@ def test_wheel_readings_carry_the_car() -> None:
     assert read_wheel(World(), 0, "front") == NO_READING
 
 
-# -- equal bits
+# -- equal bits of floats and arrays, which compiled loops take the place of
+
+
+@pytest.fixture
+def arrays() -> Iterator[None]:
+    with with_loops(are_there=False):
+        yield
 
 
 def random_drive(seed: int, num: int) -> World:
@@ -579,7 +588,7 @@ def random_drive(seed: int, num: int) -> World:
         if seed % 3:
             world.spawn(Kind.OBSTACLE, CAR, name="box", x=90.0, y=100.0 * i)
     rows = world.rows(Kind.EGO)
-    for frame in range(120):
+    for frame in range(85):
         if frame % 17 == 0:
             world.grade[rows] = rng.uniform(-1.0, 1.0, num)
             for row in rows.tolist():
@@ -592,6 +601,7 @@ def random_drive(seed: int, num: int) -> World:
     return world
 
 
+@pytest.mark.usefixtures("arrays")
 @pytest.mark.parametrize("seed", range(6))
 def test_many_cars_at_once_have_the_bits_of_each_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dynamics, "FEW", 10**9)
@@ -602,6 +612,7 @@ def test_many_cars_at_once_have_the_bits_of_each_one(seed: int, monkeypatch: pyt
     assert np.isfinite(at_once.block("rear_steer", "roll")).all()
 
 
+@pytest.mark.usefixtures("arrays")
 def test_single_car_as_an_array_has_the_bits_of_floats(monkeypatch: pytest.MonkeyPatch) -> None:
     floats = random_drive(4, 1).digest()
     monkeypatch.setattr(dynamics, "FEW", 0)
@@ -669,6 +680,7 @@ def test_car_that_brakes_hard_turns_in_half_as_much() -> None:
     assert 0.3 * rolling < braking < 0.7 * rolling, (rolling, braking)
 
 
+@pytest.mark.usefixtures("arrays")
 def test_cars_in_two_threads_move_as_alone() -> None:
     """One of them is the rehearsal of a scenario that is being loaded, in a thread of its own."""
 
@@ -692,6 +704,7 @@ def test_cars_in_two_threads_move_as_alone() -> None:
         sys.setswitchinterval(interval)
 
 
+@pytest.mark.usefixtures("arrays")
 def test_car_that_stands_moves_off_with_the_bits_of_one_that_nobody_has_watched() -> None:
     def stand_then_drive(num_frames: int) -> str:
         world = World(0, Dynamics.SINGLE_TRACK)

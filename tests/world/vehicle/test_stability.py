@@ -18,6 +18,8 @@ from rosbridge_sim.world.vehicle.dynamics import drive
 from rosbridge_sim.world.vehicle.stability import correct, make_control, share_along
 from tests.world.driven_cars import CAR
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 
 def brake_in_bends(
     body: Body, cells: Sequence[tuple[float, float, float]], *, is_stable: bool
