@@ -16,7 +16,6 @@ from typing import Any, Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.gateway import PERIOD as GATEWAY_PERIOD
 from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
@@ -100,8 +99,8 @@ class Ros1Node:
         Raises:
             OSError: the host cannot be used.
         """
-        while self.gateway.next_due(0.0) is not None:
-            self.gateway.advance(self._loop.time() + GATEWAY_PERIOD)
+        while (due := self.gateway.next_due(0.0)) is not None:
+            self.gateway.advance(max(due, self._loop.time()))
         await self._api.start(self._choices.host)
         await self._server.start()
         self._registrations.uri = self._uri

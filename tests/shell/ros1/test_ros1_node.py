@@ -15,11 +15,13 @@ import pytest
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.errors import DocumentError, GraphError
+from rosbridge_sim.graph.gateway.gateway import Gateway
 from rosbridge_sim.graph.ros1.tcpros import with_length
 from rosbridge_sim.shell.ros1 import node_server, ros1_node, topic_links
 from rosbridge_sim.shell.ros1.xmlrpc_http import call
 from tests.graph.participants import Somebody
 from tests.shell.ros1.small_ros1 import (
+    MOST_SERVICES,
     STRING_MD5,
     TRIGGER_MD5,
     SmallMaster,
@@ -61,7 +63,7 @@ async def joined(
 ) -> AsyncIterator[Joined]:
     monkeypatch.setattr(ros1_node, "PERIOD", 0.02)
     monkeypatch.setattr(ros1_node, "MOST_LOOKING", 1.0)
-    options: dict[str, Any] = {"world": False, **getattr(request, "param", {})}
+    options: dict[str, Any] = {"world": False, "deny_service": MOST_SERVICES, **getattr(request, "param", {})}
     master = await SmallMaster().start()
     master.parameters = {"robot": {"name": "husky", "wheels": 4}, "use_sim_time": True}
     sim = Simulator(port=0, data_dir=tmp_path, ros1_master=master.uri, **options)
@@ -399,6 +401,21 @@ async def test_a_server_starts_without_its_master(tmp_path: Path, lines: Callabl
     async with Simulator(port=0, world=False, data_dir=tmp_path, ros1_master=uri) as sim:
         assert sim.url
     assert any("the master cannot be used; it is tried again each second" in line for line in lines())
+
+
+async def test_a_start_does_not_spin_until_the_next_look_is_due(monkeypatch: pytest.MonkeyPatch) -> None:
+    turns: list[float] = []
+    advance = Gateway.advance
+
+    def count(gateway: Gateway[Any], now: float) -> None:
+        turns.append(now)
+        advance(gateway, now)
+
+    monkeypatch.setattr(Gateway, "advance", count)
+    master = await SmallMaster().start()
+    async with Simulator(port=0, world=False, ros1_master=master.uri, deny_service=MOST_SERVICES):
+        assert 1 < len(turns) < 20
+    master.server.stop()
 
 
 # Strangers
