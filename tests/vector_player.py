@@ -26,7 +26,10 @@ class Clients(Protocol):
     async def send(self, name: str, frame: str | bytes) -> None: ...
 
     async def received(self, name: str) -> list[Any]:
-        """All that has come for this client since it was last asked, read by `read_frame`."""
+        """All that has come for this client since it was last asked, read by `read_frame`.
+
+        What follows from the frames that were sent is there.
+        """
 
     async def close(self, name: str) -> None: ...
 
@@ -47,14 +50,17 @@ async def play(vector: dict[str, Any], clients: Clients) -> None:
         if action == ">":
             await clients.send(name, write_frame(value))
         elif action == "-":
+            waiting[name].extend(await clients.received(name))
             await clients.close(name)
         elif action == "?":
             unjudged.add(name)
-        for known, frames in waiting.items():
-            frames.extend(await clients.received(known))
-        if action == "<":
+        elif action == "<":
+            if not waiting[name]:
+                waiting[name].extend(await clients.received(name))
             assert waiting[name], f"step {number}: {name} got nothing, expected {value}"
             frame = waiting[name].popleft()
             assert agrees(value, frame), f"step {number}: {name} got {frame}, expected {value}"
+    for known, frames in waiting.items():
+        frames.extend(await clients.received(known))
     left = {name: list(frames) for name, frames in waiting.items() if frames and name not in unjudged}
     assert not left, f"nobody expected {left}"

@@ -24,6 +24,8 @@ class SocketClients:
         self._server = server
         self._clients: dict[str, Client] = {}
         self._heard: dict[str, list[dict[str, Any]]] = {}
+        self._sender = ""  # of frames that the server may not have handled yet
+        self._settled: set[str] = set()  # those that have heard all that follows from the frames before
 
     async def _client(self, name: str) -> Client:
         if name not in self._clients:
@@ -32,15 +34,28 @@ class SocketClients:
         return self._clients[name]
 
     async def send(self, name: str, frame: str | bytes) -> None:
-        """Come back once the server has carried the frame to its end: then all that follows from it is on its way."""
+        if self._sender != name:
+            await self._finish()
         client = await self._client(name)
         await client.send_raw(frame)
-        self._heard[name] += await client.settle()
+        self._sender = name
+
+    async def _finish(self) -> None:
+        """Have the server carry what was sent to its end: then all that follows from it is on its way."""
+        sender, self._sender = self._sender, ""
+        if sender:
+            self._settled.clear()
+            await self._settle(sender)
+
+    async def _settle(self, name: str) -> None:
+        client = self._clients.get(name)
+        if client is not None and name not in self._settled:
+            self._settled.add(name)
+            self._heard[name] += await client.settle()
 
     async def received(self, name: str) -> list[Any]:
-        client = self._clients.get(name)
-        if client is not None:
-            self._heard[name] += await client.settle()
+        await self._finish()
+        await self._settle(name)
         heard = self._heard.get(name, [])
         self._heard[name] = []
         return heard
@@ -49,6 +64,7 @@ class SocketClients:
         client = self._clients.pop(name, None)
         if client is None:
             return
+        self._settled.clear()
         num_clients = len(self._server.clients)
         await client.close()
         async with asyncio.timeout(PATIENCE):
@@ -60,7 +76,10 @@ class SocketClients:
             await self.close(name)
 
 
-@pytest_asyncio.fixture
+pytestmark = pytest.mark.asyncio(loop_scope="module")
+
+
+@pytest_asyncio.fixture(loop_scope="module")
 async def clients() -> AsyncIterator[SocketClients]:
     bus = make_bus()
     Rosapi(bus)
