@@ -1,6 +1,7 @@
 """Work that is done once for many programs: message types, the scenes that most tests open with, and the page's files.
 
-The library rosbags makes code for each type, and compiles it anew for each bag; here, once for equal code.
+The library rosbags parses the definition of each type, makes code for it, and compiles that, anew for each bag; here,
+once for equal texts.
 
 None of it ever changes while a program runs.
 """
@@ -14,9 +15,12 @@ from tempfile import TemporaryDirectory
 from types import CodeType, ModuleType
 from typing import Any, Literal
 
+import rosbags.highlevel.anyreader
 import rosbags.serde.utils
 import rosbags.typesys.store
 from PIL import Image
+from rosbags.interfaces.typing import Typesdict
+from rosbags.typesys.msg import get_types_from_msg
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
@@ -52,6 +56,8 @@ def share_work() -> _BuiltIn:
     """Have the simulators of this process take types, and their opening scene, from those before them."""
     for module in (rosbags.serde.utils, rosbags.typesys.store):
         vars(module)["exec"] = _run
+    for module in (rosbags.typesys, rosbags.highlevel.anyreader):
+        _replace(module, get_types_from_msg=_types_in)
     built_in = _BuiltIn()
     _replace(app, read_types=built_in.types.read, make_simulator_node=built_in.make_simulator_node)
     return built_in
@@ -134,6 +140,12 @@ def _record(bus: Bus) -> None:
             for name, topic in bus.topics.items():
                 writer.add(name, topic.type.name)
             writer.close()
+
+
+@lru_cache(maxsize=4096)
+def _types_in(text: str, name: str) -> Typesdict:
+    """As `get_types_from_msg`; nobody changes what it returns."""
+    return get_types_from_msg(text, name)
 
 
 @lru_cache(maxsize=4096)

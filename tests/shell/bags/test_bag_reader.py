@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -31,16 +32,21 @@ STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
 EGO, OBJECTS, INFO = "morai_msgs/EgoVehicleStatus", "morai_msgs/ObjectStatusList", "morai_msgs/ReplayInfo"
 
 
+@cache
+def types_of(release: str, ros: Literal[1, 2] = 1) -> Store:
+    """All types; made once, for nothing changes them."""
+    return Store(read_definitions(release), leniency=LENIENCY, ros=ros)
+
+
 def read(path: Path, release: str = "22.R2") -> Recording:
-    texts = read_definitions(release)
-    reading = RecordingBuilder(path.name, Converter(Store(texts, leniency=LENIENCY)))
-    return read_recording(path, reading, texts)
+    reading = RecordingBuilder(path.name, Converter(types_of(release)))
+    return read_recording(path, reading, read_definitions(release))
 
 
 def write(path: Path, topics: dict[str, tuple[str, list[dict[str, Any]]]], release: str = "22.R2") -> Path:
     """A bag with messages 20 ms apart on each topic."""
     ros: Literal[1, 2] = 1 if path.suffix == ".bag" else 2
-    store = Store(read_definitions(release), leniency=LENIENCY, ros=ros)
+    store = types_of(release, ros)
     writer = BagMessageWriter(open_bag(path), store)
     for topic, (type_name, messages) in topics.items():
         writer.add(topic, type_name)
@@ -263,7 +269,7 @@ def test_message_without_required_fields_is_an_error(tmp_path: Path) -> None:
 
 
 def test_bag_without_definitions_uses_the_built_in_ones(tmp_path: Path) -> None:
-    store = Store(read_definitions("26.R1"), leniency=LENIENCY, ros=2)
+    store = types_of("26.R1", 2)
     message_type = store.message(EGO)
     path = tmp_path / "old"
     with Writer2(path, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:

@@ -62,17 +62,18 @@ async def test_bag_holds_the_drive_as_a_subscriber_received_it(
 
 
 async def test_bag_uses_simulated_time_regardless_of_stamps(tmp_path: Path, connect: Connect) -> None:
-    async with Simulator(port=0, start="sync", stamps="wall", record=tmp_path / "a.mcap") as sim:
+    path, topics = tmp_path / "a.mcap", ["/clock", "/Ego_topic", "/Object_topic"]
+    async with Simulator(port=0, start="sync", stamps="wall", record=path, record_topics=topics) as sim:
         await drive(await connect(sim.url), 5)
-    seen = read_bag(tmp_path / "a.mcap")
-    for topic in ("/clock", "/Ego_topic", "/Object_topic"):
+    seen = read_bag(path)
+    for topic in topics:
         assert stamps_of(seen, topic) == [frame * FRAME_NS for frame in range(1, 6)]
     days = [message.header.stamp.sec for topic, _, message in seen if topic == "/Ego_topic"]
     assert min(days) > 1_000_000_000
 
 
 async def test_repeated_states_of_a_pause_are_not_recorded(tmp_path: Path, connect: Connect) -> None:
-    async with Simulator(port=0, record=tmp_path / "a.mcap") as sim:
+    async with Simulator(port=0, record=tmp_path / "a.mcap", record_topics=["/Ego_topic"]) as sim:
         client = await connect(sim.url)
         await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
         await client.send("subscribe", topic="/Ego_topic")
@@ -172,7 +173,7 @@ async def test_types_that_differ_between_ros_versions_are_recorded(
 async def test_unknown_type_is_logged_once_and_left_out(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:
-    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", record_topics=["*"]) as sim:
+    async with Simulator(port=0, world=False, record=tmp_path / "a.bag", record_topics=["*"]) as sim:
         client = await connect(sim.url)
         await client.send("advertise", topic="/odd", type="nobody_msgs/Knows")
         for _ in range(3):
@@ -237,7 +238,7 @@ async def test_deleted_file_ends_only_the_recording(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, name: str
 ) -> None:
     path = tmp_path / name
-    async with Simulator(port=0, start="sync", record=path) as sim:
+    async with Simulator(port=0, start="sync", record=path, record_topics=["/Ego_topic"]) as sim:
         client = await connect(sim.url)
         await drive(client, 2)
         assert sim._recorder is not None
@@ -257,7 +258,7 @@ async def test_deleted_file_ends_only_the_recording(
 
 async def test_file_deleted_just_before_the_end_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "a.bag"
-    async with Simulator(port=0, start="sync", record=path):
+    async with Simulator(port=0, start="sync", record=path, record_topics=["/Ego_topic"]):
         path.unlink()
     assert [line for line in caplog.messages if "has ended" in line] == [
         f"the recording has ended: {path}: was deleted during the recording: everything recorded is lost"
@@ -342,7 +343,7 @@ async def test_ended_recording_is_not_flushed_again(tmp_path: Path, end: str) ->
 async def test_failed_recording_ends_and_the_world_goes_on(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch, seam: str
 ) -> None:
-    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
+    async with Simulator(port=0, start="sync", record=tmp_path / "a.bag", record_topics=["/Ego_topic"]) as sim:
         client = await connect(sim.url)
         await client.send("subscribe", topic="/Ego_topic")
         await drive(client, 2)

@@ -11,14 +11,12 @@ import pytest
 
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.morai.messages.convert import Converter
-from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.recordings import DiskRecordings, find_recording
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from tests.conftest import Connect
-from tests.shell.bags.test_bag_reader import ways, write
+from tests.shell.bags.test_bag_reader import types_of, ways, write
 from tests.support import PATIENCE, Client
 
 FRAME_NS = 20_000_000
@@ -180,7 +178,7 @@ async def test_stopping_server_does_not_wait_for_a_read(tmp_path: Path) -> None:
     taken: list[object] = []
     done = asyncio.Event()
     recordings.reader.on_done = done.set
-    convert = Converter(Store(texts, leniency=LENIENCY))
+    convert = Converter(types_of("22.R2"))
     recordings.read("a", RecordingBuilder("a", convert), lambda outcome, _now: taken.append(outcome))
     await done.wait()
     assert isinstance(taken.pop(), Recording)
@@ -198,7 +196,7 @@ async def test_failed_use_of_a_recording_does_not_block_the_next_one(
     recordings = DiskRecordings(tmp_path, texts, asyncio.get_running_loop())
     done = asyncio.Event()
     recordings.reader.on_done = done.set
-    convert = Converter(Store(texts, leniency=LENIENCY))
+    convert = Converter(types_of("22.R2"))
 
     def fail(_outcome: object, _now: float) -> None:
         raise ZeroDivisionError
