@@ -48,10 +48,14 @@ async def listen() -> AsyncIterator[Listen]:
         yield start
 
 
+PAUSE = 0.002
+"""Between two looks at a server that shares the loop [s]: some waits are for time to pass, which needs no busy core."""
+
+
 async def until(is_so: Callable[[], bool]) -> None:
     async with asyncio.timeout(PATIENCE):
         while not is_so():  # noqa: ASYNC110 - no event tells of it
-            await asyncio.sleep(0)
+            await asyncio.sleep(PAUSE)
 
 
 def num_tasks() -> int:

@@ -13,15 +13,18 @@ from websockets.exceptions import ConnectionClosed
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget, default_budget
 from rosbridge_sim.shell.websocket.server import Server
+from tests.graph.bus_fixture import make_store
 from tests.support import PATIENCE, Client
 
 MB = 2**20
-TEXT = "x" * MB
+PART = MB // 4
+"""Size of a message; limits are some of those."""
+
+TEXT = "x" * PART
 
 Listen = Callable[[ServerLimits], Awaitable[tuple[Server, Bus]]]
 
@@ -31,7 +34,7 @@ async def listen() -> AsyncIterator[Listen]:
     async with AsyncExitStack() as stack:
 
         async def start(limits: ServerLimits) -> tuple[Server, Bus]:
-            bus = Bus(Store(read_definitions("22.R2")))
+            bus = Bus(make_store())
             Rosapi(bus)
             server = Server(bus, limits, lambda: None)
             await server.start("127.0.0.1", 0)
@@ -46,7 +49,7 @@ def url_of(server: Server) -> str:
 
 
 async def test_latched_messages_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
-    server, bus = await listen(ServerLimits(client_memory=8 * MB))
+    server, bus = await listen(ServerLimits(client_memory=8 * PART))
     async with await Client.open(url_of(server)) as client:
         for name in ("/a", "/b", "/c"):
             qos = {"durability": "transient_local", "depth": 1_000}
@@ -54,7 +57,7 @@ async def test_latched_messages_of_one_client_are_bounded_in_bytes(listen: Liste
             for _ in range(10):
                 await client.send("publish", topic=name, msg={"data": TEXT})
         statuses = [frame for frame in await client.settle() if frame["op"] == "status"]
-        assert bus.total.num_bytes <= 8 * MB
+        assert bus.total.num_bytes <= 8 * PART
         assert sum(len(topic.latched) for topic in bus.topics.values()) >= 3
         assert statuses
         assert "not latched" in statuses[0]["msg"]
@@ -63,21 +66,21 @@ async def test_latched_messages_of_one_client_are_bounded_in_bytes(listen: Liste
 
 
 async def test_throttle_queues_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
-    server, bus = await listen(ServerLimits(client_memory=8 * MB))
+    server, bus = await listen(ServerLimits(client_memory=8 * PART))
     async with await Client.open(url_of(server)) as listener, await Client.open(url_of(server)) as client:
         await listener.subscribe("/t", type="std_msgs/String", throttle_rate=3_600_000, queue_length=10_000)
         await client.send("advertise", topic="/t", type="std_msgs/String")
         for _ in range(30):
             await client.send("publish", topic="/t", msg={"data": TEXT})
         await client.settle()
-        assert 2 * MB < bus.total.num_bytes <= 8 * MB
+        assert 2 * PART < bus.total.num_bytes <= 8 * PART
         await listener.send("unsubscribe", topic="/t")
         await listener.settle()
         assert bus.total.num_bytes == 0
 
 
 async def test_calls_in_flight_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
-    server, bus = await listen(ServerLimits(client_memory=8 * MB))
+    server, bus = await listen(ServerLimits(client_memory=8 * PART))
     async with await Client.open(url_of(server)) as provider, await Client.open(url_of(server)) as caller:
         await provider.send("advertise_service", service="/s", type="rosapi/SetParam")
         await provider.settle()
@@ -87,7 +90,7 @@ async def test_calls_in_flight_of_one_client_are_bounded_in_bytes(listen: Listen
         assert 10 < len(refused) < 20
         assert "holds too much" in refused[0]["values"] or "hold too much" in refused[0]["values"]
         waiting = bus.total.num_bytes
-        assert 0 < waiting <= 8 * MB
+        assert 0 < waiting <= 8 * PART
         request = await provider.take("call_service")
         await provider.send("service_response", service="/s", id=request["id"], values={}, result=True)
         await provider.settle()
@@ -98,7 +101,7 @@ async def test_calls_in_flight_of_one_client_are_bounded_in_bytes(listen: Listen
 
 
 async def test_goals_and_fragments_of_one_client_are_bounded_in_bytes(listen: Listen) -> None:
-    server, bus = await listen(ServerLimits(client_memory=4 * MB))
+    server, bus = await listen(ServerLimits(client_memory=4 * PART))
     async with await Client.open(url_of(server)) as provider, await Client.open(url_of(server)) as caller:
         await provider.send("advertise_action", action="/a", type="tf2_web_republisher/TFSubscription")
         await provider.settle()
@@ -113,14 +116,14 @@ async def test_goals_and_fragments_of_one_client_are_bounded_in_bytes(listen: Li
         told = [frame for frame in await caller.settle() if frame["op"] == "status"]
         assert told
         assert "hold too much" in told[-1]["msg"]
-        assert bus.total.num_bytes <= 4 * MB
+        assert bus.total.num_bytes <= 4 * PART
     while server.clients:  # noqa: ASYNC110 - nothing tells of it
         await asyncio.sleep(0)
     assert bus.total.num_bytes == 0
 
 
 async def test_largest_client_is_disconnected_beyond_the_budget(listen: Listen) -> None:
-    server, bus = await listen(ServerLimits(client_memory=100 * MB, memory_budget=20 * MB))
+    server, bus = await listen(ServerLimits(client_memory=100 * PART, memory_budget=20 * PART))
     async with AsyncExitStack() as stack:
         large, small = [await stack.enter_async_context(await Client.open(url_of(server))) for _ in range(2)]
         for client, name, num in ((large, "/large", 14), (small, "/small", 2)):
@@ -137,7 +140,7 @@ async def test_largest_client_is_disconnected_beyond_the_budget(listen: Listen) 
         assert large.socket.close_code == 1008
         assert "held most" in (large.socket.close_reason or "")
         await small.settle()
-        assert bus.total.num_bytes <= 8 * MB
+        assert bus.total.num_bytes <= 8 * PART
 
 
 class HoldingClient:
@@ -194,9 +197,9 @@ async def test_latched_messages_of_a_client_that_is_gone_are_dropped_before_anot
         await gone.settle()
     while server.clients:  # noqa: ASYNC110 - nothing tells of it
         await asyncio.sleep(0)
-    assert bus.total.num_bytes >= MB
-    stays = HoldingClient("stays", MB)
-    watch = MemoryBudget(asyncio.get_running_loop(), bus, lambda: [stays], MB)
+    assert bus.total.num_bytes >= PART
+    stays = HoldingClient("stays", PART)
+    watch = MemoryBudget(asyncio.get_running_loop(), bus, lambda: [stays], PART)
     watch.look()
     watch.stop()
     assert (bus.total.num_bytes, stays.evicted) == (0, [])
