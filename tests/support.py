@@ -120,9 +120,8 @@ def _start(
 ) -> subprocess.Popen[str] | ForkedProgram:
     """Start Python with these words: by a fork, unless Python itself has to take notice of them."""
     whole = {**os.environ, **env}
-    option, *words = command
-    if python is None and option == "-m" and hasattr(os, "fork") and not any(name.startswith("PYTHON") for name in env):
-        return fork_server.start(words[0], words[1:], whole, stderr)
+    if python is None and hasattr(os, "fork") and not any(name.startswith("PYTHON") for name in env):
+        return fork_server.popen(command, env=whole, stderr=stderr)
     return subprocess.Popen(
         [python or sys.executable, *command], cwd=ROOT, env=whole, stdout=subprocess.PIPE, stderr=stderr, text=True
     )

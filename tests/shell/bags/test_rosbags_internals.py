@@ -7,8 +7,6 @@ A new version of the library is tried by running this file, `test_bag.py`, `test
 from __future__ import annotations
 
 import ast
-import subprocess
-import sys
 import tomllib
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -18,6 +16,7 @@ import pytest
 from rosbags.rosbag1 import Reader as Reader1
 
 from rosbridge_sim.shell.bags import rosbags_internals as internals
+from tests import fork_server
 from tests.shell.bags.bag_reading import read_bag
 from tests.support import ROOT
 
@@ -149,6 +148,8 @@ from pathlib import Path
 from rosbags.rosbag1 import Writer
 from rosbags.rosbag2 import storage_mcap
 del {gone}  # as if a version had given it up
+for name in [name for name in sys.modules if name.startswith("rosbridge_sim.shell.bags")]:
+    del sys.modules[name]  # what this process has been forked with
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.bags.bag import open_bag
 try:
@@ -169,8 +170,7 @@ except DocumentError as error:
 )
 def test_unsupported_library_version_is_reported_before_a_file_is_created(tmp_path: Path, gone: str, name: str) -> None:
     path = tmp_path / name
-    words = [sys.executable, "-c", OTHER.format(gone=gone), str(path)]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    done = fork_server.run(["-c", OTHER.format(gone=gone), str(path)])
     assert done.stdout == (
         f"bags need rosbags >=0.11.6,<0.12, but {version('rosbags')} is installed:"
         " pip install 'rosbags>=0.11.6,<0.12'\n"

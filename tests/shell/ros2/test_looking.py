@@ -17,16 +17,16 @@ DOMAIN = domain_of(5)
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[ServerProcess]:
-    program = serve(tmp_path / "log")
+@pytest.fixture(params=["sync"])
+def server(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[ServerProcess]:
+    program = serve(tmp_path / "log", "--start", request.param)
     yield program
     program.stop_cleanly()
 
 
-def serve(log: Path) -> ServerProcess:
+def serve(log: Path, *flags: str) -> ServerProcess:
     topics = [part for topic in ("/clock", "/tf", "/tf_static") for part in ("--ros2-topics", topic)]
-    return ServerProcess(log, ["--ros2-domain", str(DOMAIN), *topics])
+    return ServerProcess(log, ["--ros2-domain", str(DOMAIN), *topics, *flags])
 
 
 def test_the_check_finds_the_server_and_names_what_the_variables_lack(
@@ -51,6 +51,7 @@ def test_the_check_finds_the_server_and_names_what_the_variables_lack(
 
 
 @pytest.mark.usefixtures("server")
+@pytest.mark.parametrize("server", ["run"], indirect=True)  # else no frames are published
 def test_a_second_server_in_the_domain_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", str(DOMAIN))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.support import ROOT
+from tests import fork_server
 
 PROGRAM = Path(__file__).with_name("two_machines.py")
 
@@ -24,8 +23,7 @@ def may_make_namespaces() -> bool:
 @pytest.mark.slow
 @pytest.mark.skipif(not may_make_namespaces(), reason="needs Linux, iproute2 and root for a second network")
 def test_packets_of_another_machine_reach_nothing_of_a_server_on_loopback() -> None:
-    words = ["unshare", "-n", sys.executable, str(PROGRAM)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, cwd=ROOT)
+    done = fork_server.run([PROGRAM])
     assert done.returncode == 0, done.stderr
     *ports_of_ros2, open_port = json.loads(done.stdout)
     assert ports_of_ros2 == ["refused", "refused"]

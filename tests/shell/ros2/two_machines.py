@@ -1,11 +1,12 @@
 """A server in a network namespace and a program in another one, with a cable between them.
 
-In a new namespace, it starts a server that joins ROS 2, and prints as JSON what became of the packets of `far`.
+It goes into a new namespace, starts a server that joins ROS 2, and prints as JSON what became of the packets of `far`.
 """
 
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import json
 import socket
 import subprocess
@@ -17,6 +18,9 @@ PORTS = (9_160, 9_161)
 
 NEAR, FAR = "10.99.0.1", "10.99.0.2"
 PATIENCE = 20.0
+
+CLONE_NEWNET = 0x4000_0000
+"""Source: unshare(2)."""
 
 
 def ip(*words: str) -> None:
@@ -53,6 +57,7 @@ async def near() -> None:
     """Serve between the start of the far program and its end."""
     from rosbridge_sim import Simulator  # noqa: PLC0415 - the other program needs none of it
 
+    assert ctypes.CDLL(None).unshare(CLONE_NEWNET) == 0
     ip("link", "set", "lo", "up")
     words = ["unshare", "-n", sys.executable, __file__, "far"]
     other = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)  # noqa: ASYNC220 - at once
