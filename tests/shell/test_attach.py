@@ -75,8 +75,8 @@ async def until(holds: Callable[[], bool]) -> None:
 async def provided(client: Client, service: str) -> None:
     """Come back once a bridge has a service."""
     async with asyncio.timeout(PATIENCE):
-        while service not in (await client.values("/rosapi/services"))["services"]:
-            pass
+        while service not in (await client.values("/rosapi/services"))["services"]:  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0.01)
 
 
 async def lead(client: Client) -> int:
@@ -852,8 +852,8 @@ async def test_all_topics_return_after_a_restart_of_the_ros_master(
         client = await connect(far_side.url)
         await provided(client, "/SyncModeWaitForTick")
         async with asyncio.timeout(PATIENCE):
-            while "/Ego_topic" not in (await client.values("/rosapi/topics"))["topics"]:
-                pass
+            while "/Ego_topic" not in (await client.values("/rosapi/topics"))["topics"]:  # noqa: ASYNC110 - what is waited for tells nobody
+                await asyncio.sleep(0.01)
         await client.send("subscribe", topic="/Ego_topic")
         frame = await lead(client)
         await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)

@@ -165,8 +165,9 @@ async def test_a_misfit_is_told_once_to_both_sides(joined: Joined, lines: Callab
 
 
 async def test_a_subscriber_that_never_reads_loses_its_oldest_messages(
-    joined: Joined, lines: Callable[[], list[str]]
+    joined: Joined, lines: Callable[[], list[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(topic_links, "MAX_WAITING_BYTES", 2 * 2**20)
     await joined.client.send("advertise", topic="/words", type="std_msgs/String")
     await joined.registered("/words")
     _, (slow, _) = await joined.node.subscribe("/words")
@@ -464,7 +465,7 @@ async def test_nobody_waits_for_nodes_that_say_nothing(joined: Joined) -> None:
     uri = f"//127.0.0.1:{trap.sockets[0].getsockname()[1]}/"
     for i in range(60):
         for kind, rest in (("Publisher", f"mute/T{i}"), ("Service", f"rosrpc:{uri}")):
-            await call(joined.master.uri, f"register{kind}", f"/mute_{i}", f"/mute_{i}", rest, f"http:{uri}")
+            joined.master.answer(f"register{kind}", [f"/mute_{i}", f"/mute_{i}", rest, f"http:{uri}"])
     await until(lambda: len(silent) > 20)
     num = joined.master.num_looks
     await joined.client.send("advertise", topic="/words", type="std_msgs/String")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,10 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarServiceType
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Types
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.ros1 import ros1_node
 from tests.graph.bus_fixture import make_store
-from tests.shell.ros1.small_ros1 import Reply, SmallMaster, SmallNode, Stream, ask, until
+from tests.shell.ros1.small_ros1 import MOST_SERVICES, Reply, SmallMaster, SmallNode, Stream, ask, until
 from tests.support import Client
 from tests.vector_player import load_vectors
 
@@ -42,14 +43,19 @@ PROVIDED = (
 """Checks in which `a`, the provider, is a node."""
 
 CALLED = (
-    *("whole", "no-id", "args-absent", "two-in-flight", "provider-refuses", "provider-refuses-bare", "bad-response"),
-    *("caller-lost", "type-spelling", "response-reason", "response-reason-ok", "result-false-with-values"),
-    *("result-null-with-values", "result-absent-with-values", "result-false-one-field", "result-false-empty"),
-    *("result-absent-empty", "result-null-text", "result-true-empty", "result-absent-wrong-values"),
-    *("result-empty-type-true", "result-empty-type-false", "result-empty-type-absent", "standard-package"),
-    *("duplicate-same-client", "result-false-other-object", "unadvertise", "provider-lost"),
+    *("whole", "no-id", "args-absent", "two-in-flight", "provider-refuses", "bad-response", "caller-lost"),
+    *("type-spelling", "response-reason", "result-false-with-values", "result-false-other-object"),
+    *("result-true-empty", "result-absent-empty", "standard-package", "duplicate-same-client"),
+    *("unadvertise", "provider-lost"),
 )
 """Checks in which `b`, the caller, is a node, and `c`, too."""
+
+ANSWERED = (
+    *("provider-refuses-bare", "response-reason-ok", "result-null-with-values", "result-absent-with-values"),
+    *("result-false-one-field", "result-false-empty", "result-null-text", "result-absent-wrong-values"),
+    *("result-empty-type-true", "result-empty-type-false", "result-empty-type-absent"),
+)
+"""The same, for further forms of the provider's answer."""
 
 LOST = "~Service /add of ROS 1 was lost: .*"
 
@@ -249,7 +255,9 @@ async def joined(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> AsyncIterat
     monkeypatch.setattr(ros1_node, "PERIOD", 0.02)
     monkeypatch.setattr(ros1_node, "MOST_LOOKING", 1.0)
     master = await SmallMaster().start()
-    async with Simulator(port=0, world=False, data_dir=tmp_path, ros1_master=master.uri) as sim:
+    options: SimulatorOptions = {"port": 0, "world": False, "data_dir": tmp_path, "ros1_master": master.uri}
+    options["deny_service"] = MOST_SERVICES
+    async with Simulator(**options) as sim:
         yield Joined(sim, master)
     master.server.stop()
 
@@ -259,6 +267,7 @@ async def test_a_node_that_provides_does_what_the_checks_say_of_a_client(joined:
         await play(name, joined, {"a": ProvidingNode})
 
 
-async def test_a_node_that_calls_gets_what_the_checks_say_of_a_client(joined: Joined) -> None:
-    for name in CALLED:
+@pytest.mark.parametrize("names", [CALLED, ANSWERED], ids=["calls", "answers"])
+async def test_a_node_that_calls_gets_what_the_checks_say_of_a_client(joined: Joined, names: Sequence[str]) -> None:
+    for name in names:
         await play(name, joined, {"b": CallingNode, "c": CallingNode})
