@@ -32,10 +32,10 @@ ODD: tuple[Any, ...] = (
 """Values that fit nowhere, or everywhere but for their size."""
 
 
-def examples(num: int) -> settings:
-    """Settings of a test that tries so many documents with `--long`, a multiple of that, or an eighth of it."""
+def examples(num: int, *, quick: int | None = None) -> settings:
+    """Settings of a test that tries so many documents with `--long`, or a multiple of that; else `quick`, an eighth."""
     is_quick = not FACTOR and settings.get_current_profile_name() != "long"
-    tried = max(num // 8, 5) if is_quick else num * max(FACTOR, 1)
+    tried = (quick or max(num // 8, 5)) if is_quick else num * max(FACTOR, 1)
     return settings(max_examples=tried, deadline=None, suppress_health_check=list(HealthCheck))
 
 

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
+import orjson
+
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import OfferKind, Participant
@@ -253,7 +255,7 @@ class Client(Participant):
             self._bus.subscribe(self, topic, self._hear)
 
     def _hear(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
-        self.heard.append((topic.name, json.loads(message.json)))
+        self.heard.append((topic.name, orjson.loads(message.json)))
         self.raw.append(topic.name.encode() + b" " + message.json)
 
     def messages(self, topic: str) -> list[dict[str, Any]]:
@@ -276,7 +278,7 @@ class Client(Participant):
         answer = self.call(service, {"request": request})
         assert answer.is_ok, answer.values
         assert isinstance(answer.values, Message)
-        response: dict[str, Any] = json.loads(answer.values.json)["response"]
+        response: dict[str, Any] = orjson.loads(answer.values.json)["response"]
         return response
 
     def refused(self, service: str, **request: object) -> str:

@@ -6,7 +6,6 @@ This is `scripts/soak/fuzz.py` without sockets and processes: a failing seed fai
 from __future__ import annotations
 
 import json
-from functools import cache
 from typing import NoReturn, get_args
 
 import numpy as np
@@ -19,20 +18,17 @@ from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.rosapi_services.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.schema.definitions.names import Generation
-from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.state.world import World
 from scripts.soak.fuzz_frames import FrameMaker, Interface
 from tests.mutations import examples
 from tests.simulator.memory_recordings import MemoryRecordings
-from tests.simulator.sim_harness import MemoryDataStore, MemoryLibrary, MemoryNetworks
+from tests.simulator.sim_harness import MemoryDataStore, MemoryLibrary, MemoryNetworks, make_store
 
 RELEASES: dict[Generation, str] = {1: "22.R2", 2: "26.R1"}
 
@@ -45,11 +41,6 @@ NAMES = {
     "no_link": "lost",
 }
 """The fuzzer's names of scenarios -> those of the test stand, which are read in no time."""
-
-
-@cache
-def make_store(ros: Generation) -> Store:
-    return Store(read_definitions(RELEASES[ros]), leniency=LENIENCY, ros=ros)
 
 
 class FuzzLibrary(MemoryLibrary):
@@ -66,7 +57,7 @@ class FuzzedSimulator:
     """A simulator with all that a server has but its sockets, and clients whose frames are looked at."""
 
     def __init__(self, ros: Generation) -> None:
-        self.bus = Bus(make_store(ros))
+        self.bus = Bus(make_store(RELEASES[ros], ros))
         Rosapi(self.bus)
         self.republisher = WebRepublisher(self.bus)
         self.world = World(seed=0)
@@ -144,7 +135,7 @@ def is_refused(data: bytes, heard: list[dict[str, object]]) -> bool:
 
 
 @pytest.mark.slow
-@examples(12)
+@examples(12, quick=3)
 @given(seed=st.integers(0, 2**32), ros=st.sampled_from(get_args(Generation)))
 def test_any_frames_raise_nothing_and_an_honest_client_is_answered(seed: int, ros: Generation) -> None:
     place = FuzzedSimulator(ros)

@@ -141,7 +141,7 @@ def test_the_last_command_holds() -> None:
     client = harness.client()
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=2, velocity=36.0)
     client.leave()
-    harness.run(20.0)
+    harness.run(10.0)
     assert harness.world.speed[harness.world.row(FIRST_EGO)] == pytest.approx(10.0)
 
 
@@ -628,7 +628,7 @@ def drive(harness: SimHarness) -> tuple[list[bytes], str]:
     client = harness.client()
     client.listen("/clock", "/Ego_topic", "/Object_topic", "/SyncModeInfo")
     client.start("", 60)
-    for i in range(60):
+    for i in range(40):
         frame = harness.world.frame
         client.control(
             frame + i % 5,
@@ -643,9 +643,9 @@ def drive(harness: SimHarness) -> tuple[list[bytes], str]:
         if i % 10 == 7:
             listed = client.messages("/Object_topic")[-1]["npc_list"]
             client.send("/SyncModeRemoveObj", "morai_msgs/SyncModeRemoveObj", unique_id=listed[0]["unique_id"])
-        if i == 30:
+        if i == 20:
             assert client.ask("/SyncModeScenarioLoad", file_name="crowd", frame=frame + 2, **ALL)["result"]
-        if i == 40:
+        if i == 28:
             client.ask("/Service_MoraiSL", file_name="crowd", **ALL)
         assert client.tick("sync-1")["tick_status"]
     return client.raw, harness.world.digest()
@@ -653,7 +653,7 @@ def drive(harness: SimHarness) -> tuple[list[bytes], str]:
 
 def test_two_runs_give_the_same_bytes() -> None:
     first, second = drive(SimHarness(start="sync")), drive(SimHarness(start="sync"))
-    assert len(set(first[0])) > 600
+    assert len(set(first[0])) > 400
     assert first == second
 
 
@@ -682,7 +682,7 @@ def planner(client: Client, step_ms: int) -> list[dict[str, Any]]:
     started = client.start("", step_ms)
     user_id, named = started["user_id"], started["frame"] + 1
     answers = [client.tick(user_id, named)]
-    for _ in range(100):
+    for _ in range(70):
         named += step_ms // 20
         assert client.control(named, **THROTTLE)
         answers.append(client.tick(user_id, named))
@@ -697,7 +697,7 @@ def planner_with_scenario(client: Client) -> list[dict[str, Any]]:
     assert client.ask("/SyncModeScenarioLoad", frame=named, file_name="crowd", **ALL)["result"]
     assert client.ask("/SyncModeSetGear", frame=named, gear=4)["result"]
     answers = [client.tick(frame=named)]
-    for _ in range(100):
+    for _ in range(70):
         named = answers[-1]["frame"] + 1
         assert client.control(named, **THROTTLE)
         answers.append(client.tick(frame=named))
@@ -712,7 +712,7 @@ def course(client: Client) -> list[dict[str, Any]]:
     assert client.ask("/SyncModeSetGear", frame=stale, gear=4)["result"]
     answers = [client.tick("course", stale)]
     assert client.ask("/Service_MoraiSL", file_name="crowd", **ALL)["result"]
-    for _ in range(50):
+    for _ in range(35):
         answers.append(client.tick("course", stale))
         assert client.control(answers[-1]["frame"], longlCmdType=1, **THROTTLE)
         answers.append(client.tick("course", stale))
@@ -724,7 +724,7 @@ def constant(client: Client) -> list[dict[str, Any]]:
     """Every number is 1."""
     client.start()
     answers = [client.tick(frame=1)]
-    for _ in range(100):
+    for _ in range(70):
         assert client.control(1, **THROTTLE)
         answers.append(client.tick(frame=1))
     client.stop()
@@ -736,7 +736,7 @@ def learner(client: Client) -> list[dict[str, Any]]:
     client.start("rl", 60)
     named = client.start("rl", 60)["frame"] + 1
     answers = [client.tick("rl", named)]
-    for _ in range(100):
+    for _ in range(40):
         named = answers[-1]["frame"] + 3
         assert client.control(named, longlCmdType=2, velocity=36.0, acceleration=0.0, **THROTTLE)
         answers.append(client.tick("rl", named))
@@ -889,7 +889,7 @@ def drive_all(*, has_wall: bool) -> tuple[list[Any], str]:
     client.listen(*EVERYTHING)
     client.start(time_step=40)
     answers = []
-    for i in range(30):
+    for i in range(12):
         client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, accel=0.5, front_steer=0.1)
         answers.append(client.tick(frame=2 * i + 2))
     client.send("/SaveSensorData", "morai_msgs/SaveSensorData", is_custom_file_name=True, custom_file_name="one")
@@ -899,5 +899,6 @@ def drive_all(*, has_wall: bool) -> tuple[list[Any], str]:
 
 
 def test_wall_clock_time_changes_only_stamps() -> None:
-    assert drive_all(has_wall=True) == drive_all(has_wall=False)
-    assert drive_all(has_wall=False)[0][2][0][2], "sensor data was saved"
+    plain = drive_all(has_wall=False)
+    assert drive_all(has_wall=True) == plain
+    assert plain[0][2][0][2], "sensor data was saved"

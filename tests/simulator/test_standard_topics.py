@@ -57,7 +57,7 @@ def test_a_stamped_twist_is_taken_instead_if_it_was_chosen(ros: Generation) -> N
     client = sim.client()
     client.listen("/odom")
     client.send("/cmd_vel", "geometry_msgs/TwistStamped", twist={"linear": {"x": 3.0}})
-    sim.run(4.0)
+    sim.run(3.0)
     assert client.messages("/odom")[-1]["twist"]["twist"]["linear"]["x"] == pytest.approx(3.0, abs=0.1)
     with pytest.raises(FieldError, match=r"TwistStamped.twist.linear.x: expected a finite number"):
         client.send("/cmd_vel", "geometry_msgs/TwistStamped", twist={"linear": {"x": math.nan}})
@@ -67,7 +67,7 @@ def test_a_stamped_twist_is_taken_instead_if_it_was_chosen(ros: Generation) -> N
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_twist_gives_speed_and_yaw_rate_also_backwards(sim: SimHarness, client: Client, direction: int) -> None:
-    for _ in range(300):
+    for _ in range(200):
         client.send("/cmd_vel", TWIST, linear={"x": 3.0 * direction}, angular={"z": 0.2})
         sim.run(0.02)
     twist = client.messages("/odom")[-1]["twist"]["twist"]
@@ -76,7 +76,7 @@ def test_a_twist_gives_speed_and_yaw_rate_also_backwards(sim: SimHarness, client
 
 
 def test_the_direction_changes_after_a_stand(sim: SimHarness, client: Client) -> None:
-    for speed, frames in ((4.0, 150), (-2.0, 300)):
+    for speed, frames in ((4.0, 110), (-2.0, 220)):
         for _ in range(frames):
             client.send("/ackermann_cmd", ACKERMANN, drive={"speed": speed})
             sim.run(0.02)
@@ -87,7 +87,7 @@ def test_the_direction_changes_after_a_stand(sim: SimHarness, client: Client) ->
 
 
 def test_a_command_to_stand_stops_and_keeps_the_gear(sim: SimHarness, client: Client) -> None:
-    for speed, frames in ((4.0, 100), (0.0, 300)):
+    for speed, frames in ((4.0, 100), (0.0, 200)):
         client.send("/cmd_vel", TWIST, linear={"x": speed})
         sim.run(0.02 * frames)
     assert client.messages("/odom")[-1]["twist"]["twist"]["linear"]["x"] == 0.0

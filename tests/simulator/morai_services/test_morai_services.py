@@ -37,7 +37,7 @@ def test_invalid_command_is_reported_and_the_last_one_holds() -> None:
     for wrong in ({"longlCmdType": 4}, {"accel": None}, {"steering": math.inf}):
         with pytest.raises(FieldError, match=r"morai_msgs/CtrlCmd\."):
             client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", **wrong)
-    harness.run(20.0)
+    harness.run(10.0)
     assert harness.world.speed[ego_row(harness)] == pytest.approx(10.0)
 
 
@@ -529,7 +529,7 @@ def test_gear_change_at_speed_is_refused_and_the_answer_shows_the_old_gear() -> 
     assert client.ask("/Service_MoraiEventCmd", option=2, gear=1)["gear"] == 4
     assert "gear PARK refused" in client.told[0][1]
     client.send("/ctrl_cmd", "morai_msgs/CtrlCmd", longlCmdType=1, brake=1.0)
-    harness.run(5.0)
+    harness.run(2.0)
     assert client.ask("/Service_MoraiEventCmd", option=2, gear=1)["gear"] == 1
 
 

@@ -96,12 +96,13 @@ def test_motorway_gives_no_light_messages() -> None:
 
 def test_the_light_ahead_changes_with_its_phase() -> None:
     harness = Crossroads.tiny()
+    set_phase(harness, 13, 0, 8.0)
     harness.client.listen(STATUS)
-    harness.run(22.0)
+    harness.run(14.0)
     seen = [message["trafficLightStatus"] for message in harness.client.messages(STATUS)]
     changes = [(i + 1, value) for i, value in enumerate(seen) if i == 0 or value != seen[i - 1]]
-    # Frame 500: ten seconds of green are over; three of yellow; then the arrow for 5.5 and its two of yellow.
-    assert changes == [(1, 16), (500, 4), (650, 1), (1025, 16)]
+    # Frame 100: ten seconds of green are over; three of yellow; then the arrow for 5.5 and its two of yellow.
+    assert changes == [(1, 16), (100, 4), (250, 1), (625, 16)]
 
 
 def test_every_light_type_is_published() -> None:
@@ -151,6 +152,7 @@ def test_each_ego_gets_its_own_light() -> None:
 def test_set_light_applies_to_its_group_until_the_next_phase() -> None:
     harness = Crossroads.tiny()
     harness.client.listen(STATUS)
+    set_phase(harness, 13, 0, 10.0)
     harness.run(1.0)
     set_light(harness, "C2", 5)
     assert (ask(harness, "C1"), ask(harness, "C2"), ask(harness, "L1")) == (("C1", 5), ("C2", 5), ("L1", 1))
@@ -158,7 +160,7 @@ def test_set_light_applies_to_its_group_until_the_next_phase() -> None:
     heard = harness.last(STATUS)
     assert heard is not None
     assert heard["trafficLightStatus"] == 5
-    harness.run(11.96)
+    harness.run(1.96)
     assert ask(harness, "C1") == ("C1", 5)
     harness.run(0.02)
     assert (ask(harness, "C1"), ask(harness, "C2"), ask(harness, "L1")) == (("C1", 1), ("C2", 4), ("L1", 32))
@@ -176,8 +178,9 @@ def test_light_set_to_minus_one_returns_to_its_schedule() -> None:
 
 def test_repeated_setting_keeps_a_light() -> None:
     harness = Crossroads.tiny()
+    set_phase(harness, 13, 0, 9.0)
     harness.client.start()
-    for _ in range(600):  # the light alone turns yellow in frame 500
+    for _ in range(100):  # the light alone turns yellow in frame 50
         harness.client.tick()
         set_light(harness, "C1", 16)
     assert ask(harness, "C1") == ("C1", 16)
@@ -211,13 +214,14 @@ def test_an_unknown_light_has_no_name_and_no_status() -> None:
 
 def test_intersection_status_is_published_inside_the_intersection() -> None:
     harness = Crossroads.tiny()
+    set_phase(harness, 13, 0, 12.0)
     harness.client.listen(INSIDE)
-    harness.run(14.0)
+    harness.run(2.0)
     assert harness.client.messages(INSIDE) == []
     harness.put(104.0, 0.0)
     harness.run(0.02)
     assert harness.last(INSIDE) == {
-        "header": {"seq": 701, "stamp": {"secs": 14, "nsecs": 20_000_000}, "frame_id": "IntersectionStatus"},
+        "header": {"seq": 101, "stamp": {"secs": 2, "nsecs": 20_000_000}, "frame_id": "IntersectionStatus"},
         "intersection_index": 13,
         "intersection_status": 1,
         "intersection_status_time": pytest.approx(1.02),
@@ -303,7 +307,8 @@ def test_same_calls_give_the_same_bytes() -> None:
 def test_reset_restarts_the_lights() -> None:
     harness = Crossroads.tiny()
     before = harness.world.digest()
-    harness.run(14.0)
+    set_phase(harness, 13, 0, 12.0)
+    harness.run(2.0)
     set_light(harness, "C1", 0)
     harness.client.stop()
     harness.node.reset(None, 0.0)

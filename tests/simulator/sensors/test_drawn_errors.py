@@ -133,7 +133,7 @@ def test_radar_errors_move_an_echo_as_a_whole() -> None:
     carrier = (world, 0, FRONT)
     exact = find_echoes(*carrier, RADAR)
     noise = RadarNoise(range=0.5, azimuth=0.01, range_rate=0.2, amplitude=1.0)
-    found = [disturb_radar(exact, carrier, RADAR, noise, chance(i)) for i in range(400)]
+    found = [disturb_radar(exact, carrier, RADAR, noise, chance(i)) for i in range(250)]
     for name, sigma in (("distance", 0.5), ("azimuth", 0.01), ("range_rate", 0.2), ("amplitude", 1.0)):
         errors = np.array([getattr(one, name)[0] - getattr(exact, name)[0] for one in found])
         assert errors.std() == pytest.approx(sigma, rel=0.12), name
@@ -148,7 +148,7 @@ def test_clutter_stands_still_in_the_beams() -> None:
     world.speed[0] = 20.0
     carrier = (world, 0, FRONT)
     noise = RadarNoise(clutter=5.0)
-    scans = [disturb_radar(find_echoes(*carrier, RADAR), carrier, RADAR, noise, chance(i)) for i in range(300)]
+    scans = [disturb_radar(find_echoes(*carrier, RADAR), carrier, RADAR, noise, chance(i)) for i in range(150)]
     assert np.mean([len(scan.rows) for scan in scans]) == pytest.approx(5.0, rel=0.1)
     for i, scan in enumerate(scans):
         assert (scan.rows == -1).all()
@@ -175,10 +175,10 @@ def test_lost_and_weakened_echoes_are_not_there() -> None:
     world = scene(rear_of(50.0))
     carrier = (world, 0, FRONT)
     exact = find_echoes(*carrier, RADAR)
-    scans = [disturb_radar(exact, carrier, RADAR, RadarNoise(drop_out=0.3), chance(i)) for i in range(500)]
+    scans = [disturb_radar(exact, carrier, RADAR, RadarNoise(drop_out=0.3), chance(i)) for i in range(250)]
     assert np.mean([len(scan.rows) for scan in scans]) == pytest.approx(0.7, abs=0.07)
     weak = replace(exact, amplitude=np.array([0.0]))
-    scans = [disturb_radar(weak, carrier, RADAR, RadarNoise(amplitude=3.0), chance(i)) for i in range(500)]
+    scans = [disturb_radar(weak, carrier, RADAR, RadarNoise(amplitude=3.0), chance(i)) for i in range(400)]
     assert np.mean([len(scan.rows) for scan in scans]) == pytest.approx(0.5, abs=0.07)
 
 

@@ -44,7 +44,7 @@ def lease(client: Client, **request: Any) -> dict[str, Any]:  # noqa: ANN401 - f
 def test_pedals_stay_without_a_lease() -> None:
     harness, driver = driven()
     driver.leave()
-    harness.run(5.0)
+    harness.run(2.0)
     assert pedals(harness) == PRESSED
 
 
@@ -82,7 +82,7 @@ def test_command_of_another_client_is_left_alone() -> None:
     lease(driver, seconds=0.5)
     other = harness.client()
     other.send("/ctrl_cmd", COMMAND, longlCmdType=1, accel=0.5, steering=0.1)
-    harness.run(5.0)
+    harness.run(2.0)
     driver.leave()
     assert pedals(harness) == PRESSED
 
@@ -91,7 +91,7 @@ def test_lease_can_end() -> None:
     harness, driver = driven()
     lease(driver, seconds=0.5)
     assert lease(driver, unique_id=-1, seconds=0.0)["result"]
-    harness.run(5.0)
+    harness.run(2.0)
     assert pedals(harness) == PRESSED
 
 
@@ -105,7 +105,7 @@ def test_time_of_synchronous_mode_does_not_count() -> None:
 
 def test_reset_and_restored_frames_begin_the_lease_anew() -> None:
     harness, driver = driven()
-    harness.run(2.0)
+    harness.run(1.0)
     driver.call("/sim/reset", {"seed": -1})
     driver.send("/ctrl_cmd", COMMAND, longlCmdType=1, accel=0.5, steering=0.1)
     lease(driver, seconds=0.5)

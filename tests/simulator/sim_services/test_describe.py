@@ -70,7 +70,7 @@ def test_driver_that_stops_for_a_light_names_it() -> None:
     client.start(time_step=1000)
     world, plan = harness.world, harness.world.signals.plan
     client.call("/sim/remove", {"unique_ids": [2]})
-    for _ in range(30):
+    for _ in range(16):
         for light in range(len(plan.lights)):
             world.signals.force(light, Lamp.RED)
         client.tick()
@@ -85,7 +85,7 @@ def test_description_changes_nothing() -> None:
     hashes = []
     for is_asked in (False, True):
         harness, client = in_sync()
-        for _ in range(60):
+        for _ in range(20):
             client.tick()
             if is_asked:
                 for uid in harness.world.uid[: harness.world.n].tolist():

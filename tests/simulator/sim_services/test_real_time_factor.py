@@ -33,8 +33,8 @@ def test_world_runs_as_fast_as_the_factor_says(factor: float) -> None:
     harness = SimHarness()
     client = harness.client()
     set_factor(harness, client, factor)
-    harness.run(10.0 / factor)
-    assert harness.world.frame == pytest.approx(500, abs=1)
+    harness.run(6.0 / factor)
+    assert harness.world.frame == pytest.approx(300, abs=1)
     client.now = harness.now
     assert values(client, factor=-1.0)["measured"] == pytest.approx(factor, rel=0.02)
 
@@ -45,12 +45,12 @@ def test_topics_count_simulated_time_and_stay_within_the_limit_of_wall_time(fact
     client = harness.client()
     set_factor(harness, client, factor)
     client.listen("/Ego_topic", "/gps", "/imu", "/clock", "/SyncModeInfo")
-    harness.run(2.0)
+    harness.run(1.0)
     nums = {name: len(client.messages(name)) for name in ("/Ego_topic", "/clock", "/SyncModeInfo", "/gps", "/imu")}
     for name in ("/Ego_topic", "/clock", "/SyncModeInfo"):
-        assert nums[name] == pytest.approx(2 * rate, abs=2), name
-    assert nums["/gps"] == pytest.approx(2 * min(10 * factor, MAX_WALL_RATE), abs=2)
-    assert nums["/imu"] == pytest.approx(2 * min(120 * factor, MAX_WALL_RATE), abs=3)
+        assert nums[name] == pytest.approx(rate, abs=1), name
+    assert nums["/gps"] == pytest.approx(min(10 * factor, MAX_WALL_RATE), abs=1)
+    assert nums["/imu"] == pytest.approx(min(120 * factor, MAX_WALL_RATE), abs=2)
     frames = [message["header"]["seq"] for message in client.messages("/Ego_topic")]
     gaps = {later - earlier for earlier, later in pairwise(frames)}
     assert max(gaps) - min(gaps) <= 1, "they are spread evenly"
@@ -63,22 +63,22 @@ def test_as_fast_as_possible_computes_frames_whenever_it_is_asked_and_ends_its_t
     client.listen("/Ego_topic", "/SyncModeInfo")
     ticks = count()
     harness.node.limit_turns(lambda: next(ticks) / 1024)  # each look at the clock takes a millisecond
-    for _ in range(300):
+    for _ in range(150):
         assert (harness.node.next_due(harness.now) or 0.0) <= harness.now
         before = harness.world.frame
         harness.node.advance(harness.now)
         assert harness.world.frame - before == 4
         harness.now += 0.001
-    assert harness.world.frame == 1_200
+    assert harness.world.frame == 600
     for topic in ("/Ego_topic", "/SyncModeInfo"):
-        assert 30 <= len(client.messages(topic)) <= 0.3 * MAX_WALL_RATE
+        assert 15 <= len(client.messages(topic)) <= 0.15 * MAX_WALL_RATE
     assert harness.node.real_time_lag(harness.now) == 0.0
     assert harness.node.context.pacer.num_stalls == 0
     client.now = harness.now
     assert values(client, factor=-1.0)["measured"] == pytest.approx(80.0, rel=0.02)
     set_factor(harness, client, 1.0)
     harness.run(1.0)
-    assert harness.world.frame == pytest.approx(1_250, abs=1)
+    assert harness.world.frame == pytest.approx(650, abs=1)
 
 
 def test_bytes_of_the_frames_that_go_out_do_not_depend_on_the_factor() -> None:

@@ -29,6 +29,8 @@ from rosbridge_sim.world.state.world import Kind, World
 from tests.simulator.sim_harness import make_store
 from tests.world.road_factory import built_in
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 POINT = {
     "UNIQUEID": 7,
     "DataID": 90100001,

@@ -33,7 +33,7 @@ def in_sync(scenario: str = "crowd", **settings: Any) -> tuple[SimHarness, Clien
     return harness, client
 
 
-def run_on(client: Client, listener: Client, num: int = 40) -> list[bytes]:
+def run_on(client: Client, listener: Client, num: int = 30) -> list[bytes]:
     """Tick; the bytes on all topics, and the answers."""
     listener.raw.clear()
     answers = [client.tick() for _ in range(num)]
@@ -611,19 +611,19 @@ def test_replay_goes_on_after_a_restore(recordings: MemoryRecordings) -> None:
     for _ in range(25):
         client.tick()
     saved, before = snapshot(client, "a"), hash_of(client)
-    shown = run_on(client, listener, 20)
+    shown = run_on(client, listener, 10)
     stopped = [replay(client, STOP), *run_on(client, listener, 5)]
     after = hash_of(client)
     for which in ("a", bytes(saved.data)):
         assert restore(client, which).message == ""
         assert hash_of(client) == before
-        assert run_on(client, listener, 20) == shown
+        assert run_on(client, listener, 10) == shown
         assert [replay(client, STOP), *run_on(client, listener, 5)] == stopped
         assert hash_of(client) == after
     other, other_client = in_sync("crowd", recordings=recordings)
     other_listener = hear(other)
     assert restore(other_client, bytes(saved.data)).message == ""
-    assert run_on(other_client, other_listener, 20) == shown
+    assert run_on(other_client, other_listener, 10) == shown
     assert [replay(other_client, STOP), *run_on(other_client, other_listener, 5)] == stopped
 
 

@@ -98,11 +98,11 @@ def test_a_car_changes_lane_when_the_ego_is_near_and_drives_on() -> None:
 
 def test_a_vehicle_drives_on_with_the_speed_that_it_wants() -> None:
     change = {"events": [{"when": {"time": 0.2}, "change_lane": "left", "seconds": 2}]}
-    node = begin(scene(car(change, ratio=0.4, currentVelocity=15)))
+    node = begin(scene(car(change, ratio=0.4, currentVelocity=40)))
     world = node.context.world
     run(node, 3 * 50)
     assert not world.is_ghost[1]
-    run(node, 12 * 50)
+    run(node, 4 * 50)
     assert world.speed[1] == pytest.approx(50 / 3.6, abs=0.5)
 
 
@@ -149,7 +149,7 @@ def test_the_model_keeps_its_name_and_others_are_moved_by_the_world() -> None:
     worlds = plain.context.world, told.context.world
     assert worlds[0].names == worlds[1].names
     assert worlds[0].uid.tolist() == worlds[1].uid.tolist()
-    run(told, 250)
+    run(told, 165)
     assert worlds[1].y[:4].tolist() == [0.0, -3.5, 0.0, -3.5]
 
 
@@ -210,14 +210,14 @@ def call(node: SimulatorNode, service: str, **values: object) -> Item:
 def test_a_vehicle_brakes_at_a_place_and_starts_again() -> None:
     events = [
         {"when": {"passes": {"link": "right", "s": 80}}, "speed_kmh": 0, "seconds": 2},
-        {"when": {"time": 6}, "speed_kmh": 36, "seconds": 1},
+        {"when": {"time": 5}, "speed_kmh": 36, "seconds": 1},
     ]
     node = begin(scene(car({"events": events})))
     world = node.context.world
-    run(node, 5 * 50)
+    run(node, 240)
     assert 80.0 < world.x[1] < 95.0
     assert world.speed[1] == 0.0
-    run(node, 4 * 50)
+    run(node, 170)
     assert world.speed[1] == pytest.approx(10.0, abs=0.2)
 
 
@@ -282,7 +282,7 @@ def test_a_reset_and_another_load_begin_the_events_again() -> None:
     context = node.context
     again = read_scenario(json.dumps(scene(car(None), car(CUT_IN))).encode(), "mine.json")
     context.scene_changes.carry_out(context.scene.prepare(again, WHOLE), is_pausing=False, now=0.0)
-    run(node, 250)
+    run(node, 165)
     world = context.world
     assert [float(world.y[row]) == 0.0 for row in world.placed()] == [True, False, True]
 

@@ -56,10 +56,11 @@ def other(world: World, kind: Kind) -> int:
     return int(world.rows(kind)[0])
 
 
-def test_the_page_has_four_stories_in_both_forms() -> None:
+def test_the_page_has_four_stories_in_both_forms(tmp_path: Path) -> None:
     names = {"cut-in", "jaywalker", "red light", "merge"}
     assert set(BLOCKS) == {(name, kind) for name in names for kind in SUFFIX}
     assert all(len(text.splitlines()) <= 30 for text in BLOCKS.values())
+    assert all(begin(tmp_path, *block).context.scene.loaded.story for block in BLOCKS)
 
 
 SPOILT = [
