@@ -106,7 +106,7 @@ def test_limits_over_topics_are_the_same_for_each_kind_of_driver(both: CampaignF
 @pytest.mark.slow
 def test_states_with_and_without_topics_are_equal(both: CampaignFolder) -> None:
     """A node moves its world as `Worlds` does."""
-    text = 'scenario = "town"\nseconds = 0.4\n[set]\n"setting.traffic" = 3\n'
+    text = 'scenario = "roundabout"\nseconds = 0.4\n[set]\n"setting.traffic" = 3\n'
     text += '[drivers]\nours = "lanes"\nf = "function.py:drive"\n'
     without = both.drive(text)
     with_topics = both.drive(text + '[limits.own.a]\nend = "/Ego_topic.velocity.x < 99"\n')

@@ -59,11 +59,12 @@ async def url() -> AsyncIterator[str]:
 @pytest.mark.parametrize("ros", [1, 2])
 async def test_simulator_is_captured_without_mistakes(ros: Literal[1, 2], file: str) -> None:
     async with Simulator(port=0, ros=ros, start="sync") as simulator:
-        done = await mock("capture", simulator.url, "-o", file, "--duration", "1", "--call", "/sim/describe")
-    assert (done.code, done.out, "left out" in done.err) == (0, "", False), done
+        words = ("--duration", "0.5", "--call", "/sim/describe", "--json")
+        done = await mock("capture", simulator.url, "-o", file, *words)
+    assert (done.code, "left out" in done.err) == (0, False), done
     checked = run("mock", "check", file, "--ros", str(ros))
     assert (checked.code, "good" in checked.out) == (0, True), checked
-    document = document_of(file)
+    document = json.loads(done.out)
     assert document["subscribers"]["/ctrl_cmd"].replace("/msg/", "/") == "morai_msgs/CtrlCmd"
     assert document["services"]["/SyncModeCmd"]["answers"][0]["value"]["response"]["result"] is False
     assert document["services"]["/sim/describe"]["answers"][0]["value"]["model"] == "2016_Hyundai_Ioniq"
