@@ -24,8 +24,8 @@ pytestmark = [pytest.mark.client, pytest.mark.slow]
 
 CAMERAS = """
 [[camera]]
-width = 320
-height = 240
+width = 160
+height = 120
 x = 1.8
 z = 2
 pitch = 7
@@ -33,10 +33,11 @@ antialiasing = false
 
 [[camera]]
 frame_id = "Left"
-width = 160
-height = 120
+width = 80
+height = 60
 yaw = 70
 z = 2
+antialiasing = false
 """
 
 LIDAR = """
@@ -95,7 +96,7 @@ async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_th
         await expect(cards).to_have_count(2)
         await expect(cards.locator(".sensor-waiting").first).to_have_text("Comes with the next step.")
         for _ in range(2):  # each keeps its own
-            for name, size in (("Camera", "320 . 240 pixels"), ("Left", "160 . 120 pixels")):
+            for name, size in (("Camera", "160 . 120 pixels"), ("Left", "80 . 60 pixels")):
                 card = cards.filter(has=page.get_by_text(name, exact=True))
                 await card.scroll_into_view_if_needed()
                 await tick_until(client, expect(card.get_by_text(re.compile(size))).to_be_visible())
@@ -103,7 +104,7 @@ async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_th
         ahead = cards.first.locator("canvas.sensor-boxes")
         await cards.first.scroll_into_view_if_needed()
         await tick_until(client, expect(ahead).to_have_attribute("data-boxes", re.compile("[1-9]")))
-        painted = "canvas => canvas.getContext('2d').getImageData(0, 0, 320, 240).data.some((value) => value > 0)"
+        painted = "canvas => canvas.getContext('2d').getImageData(0, 0, 160, 120).data.some((value) => value > 0)"
         assert await ahead.evaluate(painted)
         assert await num_subscribers(client) == [1, 1]
         await press(page, "Hide")
