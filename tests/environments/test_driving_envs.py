@@ -275,7 +275,7 @@ def test_episode_begins_on_its_lane_with_nothing_near() -> None:
 
 
 def test_no_change_of_lanes_leads_to_a_goal() -> None:
-    many = gymnasium.make_vec("rosbridge_sim/Intersection-v1", num_envs=12, vectorization_mode="vector_entry_point")
+    many = gymnasium.make_vec("rosbridge_sim/Intersection-v1", num_envs=6, vectorization_mode="vector_entry_point")
     many.reset(seed=0)
     episodes, lanes = many.unwrapped.episodes, many.unwrapped.worlds.lanes()["lane"][:, 0].astype(int)
     roads = many.unwrapped.worlds.world(0).roads.alone
