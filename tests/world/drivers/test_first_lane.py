@@ -12,6 +12,8 @@ from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.step import step
 from tests.world.lane_changes.test_looks_one_by_one import streets, traffic
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 NUM_FRAMES = 40
 FIRSTS = ("a1", "b1", "c1", "d1", "x", "r", "g1")
 """Lanes that end, fork, cross, join or have a light."""

@@ -77,7 +77,7 @@ def test_height_of_an_ego_is_that_of_a_slope_within_a_centimetre(dynamics: Dynam
     world = world_on(slope(6.0), dynamics)
     row = ego(world, 95.0, speed=speed)
     hold(world, row, speed)
-    for _ in range(int(20.0 / speed / DT)):
+    for _ in range(int(17.0 / speed / DT)):
         step(world)
         assert abs(world.z.item(row) - road_height(world.x.item(row), 6.0)) < 0.01
     assert world.x.item(row) > 110.0
@@ -208,7 +208,7 @@ def test_what_stands_on_a_slope_stays_and_rolls_only_with_creep() -> None:
         row = ego(world, 300.0)
         shift(world, row, Gear.NEUTRAL)
         digest = world.x.item(row), world.z.item(row)
-        for _ in range(200):
+        for _ in range(130):
             step(world)
         if world is still:
             assert (world.x.item(row), world.z.item(row), world.speed.item(row)) == (*digest, 0.0)
@@ -221,7 +221,7 @@ def test_speed_mode_holds_its_speed_on_a_slope(percent: float) -> None:
     world = world_on(slope(percent))
     row = ego(world, 90.0, speed=10.0)
     hold(world, row, 10.0)
-    for _ in range(250):
+    for _ in range(180):
         step(world)
     assert world.x.item(row) > 120.0
     assert world.speed.item(row) == pytest.approx(10.0, abs=0.05)
@@ -241,7 +241,7 @@ def test_car_on_a_slope_is_hit_at_any_speed(dynamics: Dynamics, speed: float) ->
     row = ego(world, float(x), float(y), z=float(z), yaw=float(yaw), speed=speed)
     hold(world, row, speed)
     pairs = set()
-    for _ in range(int(12.0 / speed / DT)):
+    for _ in range(int(8.0 / speed / DT)):
         step(world)
         pairs |= {tuple(pair) for pair in world.contacts.tolist()}
     assert pairs == {(world.uid.item(parked), world.uid.item(row))}
@@ -345,7 +345,8 @@ def test_many_egos_on_hills_have_the_bits_of_each_alone(dynamics: Dynamics) -> N
     rows = [start(together, i) for i in range(7)]
     for _ in range(30):
         step(together)
-    for i, row in enumerate(rows):
+    for i in (0, 3, 6):
+        row = rows[i]
         alone = hills(dynamics)
         (only,) = (start(alone, i),)
         for _ in range(30):

@@ -32,7 +32,7 @@ def test_rear_axle_follows_a_circle_of_wheelbase_over_tangent_at_constant_steeri
     world.steer[0] = steer
     pedals(world, steer=steer)
     radius = CAR.wheelbase / math.tan(steer)
-    for _ in range(250):
+    for _ in range(150):
         move(world)
         assert math.hypot(world.x[0], world.y[0] - radius) == pytest.approx(abs(radius), rel=1e-9)
 
