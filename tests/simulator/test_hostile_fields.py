@@ -126,7 +126,7 @@ def test_each_hostile_call_gets_one_answer(stand: SimHarness) -> None:
     wire, num = Wire(stand.bus), 0
     for service in services(stand):
         target = Target("call_service", service.name, service.type.name)
-        for words, body in bodies(type_of(target, stand.bus.store), sizes=(60_000,)):
+        for words, body in bodies(type_of(target, stand.bus.store), sizes=(20_000,)):
             wire.peer.receive(target.frame(body, words), 0.0)
             got = [one for one in wire.hears() if one["op"] == "service_response"]
             assert [one["id"] for one in got] == [words], (service.name, got)

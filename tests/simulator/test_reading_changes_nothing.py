@@ -15,7 +15,7 @@ from tests.simulator.sensor_rigs.test_mounted_sensors import CAMERA, LIDAR, RADA
 from tests.simulator.sensors.analytic_makers import AtOnceWorker
 from tests.simulator.sim_harness import Client, SimHarness, put_egos
 
-NUM_FRAMES = 12
+NUM_FRAMES = 8
 
 QUESTIONS: dict[str, dict[str, Any]] = {
     "/sim/score": {},

@@ -631,6 +631,6 @@ def test_scenario_is_rehearsed_once_on_a_map(monkeypatch: pytest.MonkeyPatch) ->
             super()._play(placed, road_map)
 
     rehearsal = Counting(Dynamics.KINEMATIC, has_traffic=False)
-    for name in ("hills", "loop", "hills", "loop"):
+    for name in ("hills", "demo", "hills", "demo"):
         _read_documents(library, None, name, find_map(library, "track"), rehearsal)
-    assert played == ["hills", "loop"]
+    assert played == ["hills", "demo"]
