@@ -51,6 +51,7 @@ def _wheel_rad(play: SceneClient, status: Message) -> float:
     seen="place, velocity (m/s, forward), acceleration, heading, pedals and wheel agree frame by frame",
 )
 async def _(play: SceneClient) -> None:
+    await play.lead(500)
     await play.listen("/Ego_topic")
     await play.control(longlCmdType=1, accel=0.75, steering=0.1)
     await play.tick(3.0)
@@ -117,6 +118,7 @@ async def _(play: SceneClient) -> None:
     seen="the list is empty before, holds the barrier and its place while they touch, and is empty again",
 )
 async def _(play: SceneClient) -> None:
+    await play.lead(500)
     await play.listen("/CollisionData")
     await play.put(285.0, 300.0, velocity_kmh=36.0)
     await play.tick(0.5)
@@ -155,6 +157,7 @@ async def _(play: SceneClient) -> None:
     await play.listen("/Ego_topic")
     event = await play.ask("/Service_MoraiEventCmd", option=2, gear=2, ctrl_mode=1, lamps={"turnSignal": 2})
     assert (event["gear"], event["ctrl_mode"], event["lamps"]["turnSignal"]) == (2, 3, 0), "of one bit, one thing"
+    await play.lead(500)
     await play.control(longlCmdType=1, accel=0.5)
     status = await play.tick(1.0)
     assert (status["velocity"]["x"] < -0.5, status["position"]["x"] < -86.0) == (True, True)
@@ -194,9 +197,9 @@ async def _(play: SceneClient) -> None:
     await play.put(500.0, 500.0)
     await play.control(longlCmdType=2, velocity=10.0, steering=2.0)
     await play.lead(1000)
-    await play.tick(5.0)
+    await play.tick(3.0)
     await play.listen("/Ego_topic")
-    await play.tick(10.0)
+    await play.tick(8.0)
     heard = play.heard("/Ego_topic")
     xs, ys = ([status["position"][axis] for status in heard] for axis in "xy")
     radius = spec["wheel_base"] / math.tan(math.radians(spec["max_steering"]))

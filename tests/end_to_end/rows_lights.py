@@ -69,13 +69,13 @@ async def _(play: SceneClient) -> None:
 
 @TABLE.row(
     "/SetTrafficLight",
-    done="the light before a car is held at red for a quarter of a minute, then set to green, then handed back (-1)",
+    done="the light before a car is held at red for nine seconds, then set to green, then handed back (-1)",
     seen="the car waits before the line and goes when it is green; all of a group show it, others do not",
 )
 async def _(play: SceneClient) -> None:
     await play.listen("/Object_topic")
     await play.lead(1000)
-    for _ in range(15):
+    for _ in range(9):
         await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=RED)
         await play.tick(1.0)
     car = (await play.objects())[9]
@@ -86,7 +86,7 @@ async def _(play: SceneClient) -> None:
     other = await play.light("TL22E")
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=GREEN)
     assert [await play.light(name) for name in ("TL22W", "TL22E")] == [GREEN, other]
-    await play.tick(6.0)  # the command holds until the crossing's next phase
+    await play.tick(4.0)  # the command holds until the crossing's next phase
     assert (await play.objects())[9]["position"]["x"] > -14.0
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=-1)
     assert await play.light("TL22W") in {RED, YELLOW, GREEN}
@@ -105,11 +105,11 @@ async def _(play: SceneClient) -> None:
     seen="silence outside; inside the crossing's number, its phase, and for how long it has lasted",
 )
 async def _(play: SceneClient) -> None:
+    await play.lead(1000)
     await play.listen("/InsnStatus", "/IntscnTL_topic")
     await play.tick(2.0)
     assert play.heard("/InsnStatus") == []
     await play.put(0.0, -5.25)
-    await play.lead(1000)
     await skip(play, 2.5)
     phases = []
     for _ in range(5):

@@ -29,6 +29,7 @@ async def _record(play: SceneClient) -> list[Message]:
         async with await Client.open(server.url) as client:
             recorder = SceneClient(client, play.release, play.data)
             await recorder.begin()
+            await recorder.lead(500)
             await recorder.listen("/Ego_topic")
             await recorder.control(longlCmdType=1, accel=0.8, steering=0.05)
             await recorder.tick(3.0)
@@ -56,6 +57,7 @@ def _motion(statuses: list[Message]) -> list[Message]:
 )
 async def _(play: SceneClient) -> None:
     drive = _motion(await _record(play))
+    await play.lead(500)
     await play.put(200.0, 300.0)
     before = await play.tick()
     await play.listen("/Ego_topic", "/Object_topic")
@@ -86,6 +88,7 @@ async def _(play: SceneClient) -> None:
 )
 async def _(play: SceneClient) -> None:
     drive = await _record(play)
+    await play.lead(500)
     await play.listen("/ReplayInfo_topic", "/Object_topic")
     await _command(play, PLAY, replay_option=FILE, rosbag_file_name="drive")
     play.client.inbox.clear()

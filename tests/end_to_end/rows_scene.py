@@ -67,6 +67,7 @@ async def _(play: SceneClient) -> None:
     seen="nothing before; from then on the pair of them",
 )
 async def _(play: SceneClient) -> None:
+    await play.lead(500)
     await play.listen("/VehicleCollisionData")
     await play.tick(2.0)
     assert all(data["collisions"] == [] for data in play.heard("/VehicleCollisionData"))

@@ -103,6 +103,7 @@ async def _(play: SceneClient) -> None:
         reached: int = (await play.ask("/Service_MoraiEventCmd", option=0))["gear"]
         return reached
 
+    await play.lead(100)
     assert await shift(2) == 2
     await play.control(longlCmdType=1, accel=0.5)
     assert (await play.tick(1.0))["velocity"]["x"] < -0.5
@@ -196,6 +197,7 @@ async def _run_into(play: SceneClient, add: str, *, by_service: bool) -> None:
         assert (await play.ask(add, **request))["result"] is True
     else:
         await play.send(add, **request)
+    await play.lead(500)
     await play.listen("/CollisionData")
     await play.control(longlCmdType=1, accel=1.0)
     await play.tick(4.0)

@@ -27,7 +27,7 @@ def _at(x: float, y: float, yaw: float = 0.0) -> Message:
     return {"initPositionMode": "Absolute", "pos": {"x": x, "y": y, "z": 0.0}, "rot": {"yaw": yaw}}
 
 
-_ON_LANE = {"initPositionMode": "Link", "initLink": "R1222L2", "initLinkRatio": 0.5}
+_ON_LANE = {"initPositionMode": "Link", "initLink": "R1222L2", "initLinkRatio": 0.7}
 
 SCENES: Final[dict[str, Message]] = {
     # The town's avenue, the ego 70 m before the stop line of TL22W; on a meadow two vehicles that look at nobody.
