@@ -28,9 +28,9 @@ Figure = tuple[tuple[float, float], ...]
 
 QUARTER = math.pi / 2
 COURSE: Figure = (
-    (80.0, 0.0),
+    (30.0, 0.0),
     (QUARTER * 20.0, 20.0),
-    (40.0, 0.0),
+    (20.0, 0.0),
     (QUARTER * 20.0, -20.0),
     (50.0, 0.0),
     (QUARTER * 30.0, -30.0),  # the S
@@ -84,10 +84,10 @@ def figure_of(pattern: str, text: str) -> float:
 @pytest.mark.parametrize(
     ("simulate", "num_pieces", "length"),
     [
-        ("serve", 4, 180.0),
-        ("attach", 2, 110.0),
-        pytest.param("serve", len(COURSE), 600.0, marks=pytest.mark.long),
-        pytest.param("attach", len(COURSE), 600.0, marks=pytest.mark.long),
+        ("serve", 4, 110.0),
+        ("attach", 2, 60.0),
+        pytest.param("serve", len(COURSE), 530.0, marks=pytest.mark.long),
+        pytest.param("attach", len(COURSE), 530.0, marks=pytest.mark.long),
     ],
     indirect=["simulate"],
 )
@@ -100,19 +100,19 @@ async def test_script_follows_a_path_in_map_coordinates(
     car = (await client.ask("/SyncModeWaitForTick", user_id="look", frame=1))["vehicle_status"]
     await client.ask("/SyncModeCmd", user_id="look", start_sync_mode=False, time_step=20)
     points = draw(COURSE[:num_pieces], car["position"]["x"], car["position"]["y"], math.radians(car["heading"]))
-    code, out, err = run(place, "--path", str(write(points, tmp_path / "path.txt")))
+    step_ms = "20" if num_pieces == len(COURSE) else "40"
+    code, out, err = run(place, "--path", str(write(points, tmp_path / "path.txt")), "--step-ms", step_ms)
     assert (code, err) == (0, "")
     assert figure_of(r"drove ([\d.]+) m", out) >= length
     assert figure_of(r"slowest after the run-up: ([\d.]+) km/h", out) >= 30.0
     assert figure_of(r"largest lateral error: ([\d.]+) m", out) < 0.3
 
 
-async def test_interrupted_script_ends_synchronous_mode(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
-    place = simulate()
-    client = await connect(place.url)
+async def test_interrupted_script_ends_synchronous_mode(simulator: Place, connect: Connect, tmp_path: Path) -> None:
+    client = await connect(simulator.url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
     path = write([(0.0, 0.0), (10_000.0, 0.0)], tmp_path / "path.txt")
-    with start(place, "--path", str(path), "--from-car") as example:
+    with start(simulator, "--path", str(path), "--from-car") as example:
         assert read_line(example).startswith("path of 10000.0 m")
         await client.message_where("/SyncModeInfo", lambda info: info["master_id"] == "drive_sync")
         example.send_signal(signal.SIGINT)
@@ -122,17 +122,17 @@ async def test_interrupted_script_ends_synchronous_mode(simulate: Simulate, conn
     assert info["status"] is False
 
 
-async def test_script_names_the_present_master(simulate: Simulate, connect: Connect, tmp_path: Path) -> None:
-    place = simulate()
-    client = await connect(place.url)
+async def test_script_names_the_present_master(simulator: Place, connect: Connect, tmp_path: Path) -> None:
+    client = await connect(simulator.url)
     await client.ask("/SyncModeCmd", user_id="the_other", start_sync_mode=True, time_step=20)
-    code, _, err = run(place, "--path", str(write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")))
+    code, _, err = run(simulator, "--path", str(write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")))
+    await client.ask("/SyncModeCmd", user_id="the_other", start_sync_mode=False, time_step=20)
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: 'the_other' is its master\n")
 
 
-def test_script_reports_a_refused_time_step(simulate: Simulate, tmp_path: Path) -> None:
+def test_script_reports_a_refused_time_step(simulator: Place, tmp_path: Path) -> None:
     path = write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")
-    code, _, err = run(simulate(), "--path", str(path), "--step-ms", "30")
+    code, _, err = run(simulator, "--path", str(path), "--step-ms", "30")
     assert (code, err) == (1, "drive_sync: synchronous mode was refused: a tick of 30 ms is not possible\n")
 
 
@@ -156,12 +156,12 @@ def test_script_reports_a_lost_server(serve: Serve, tmp_path: Path) -> None:
         ("# nothing\n", "path.txt: expected a path of two points at least, got 0"),
     ],
 )
-def test_unreadable_path_file_gives_one_error_line(server: ServerProcess, tmp_path: Path, text: str, told: str) -> None:
+def test_unreadable_path_file_gives_one_error_line(tmp_path: Path, text: str, told: str) -> None:
     path = tmp_path / "path.txt"
     path.write_text(text)
-    code, out, err = run(server, "--path", str(path))
-    assert (code, out) == (2, "")
-    assert err == f"drive_sync: {path.parent}/{told}\n"
+    done = fork_server.run([EXAMPLE, "--path", path])
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"drive_sync: {path.parent}/{told}\n"
 
 
 def test_a_path_far_away_is_refused(simulator: Place, tmp_path: Path) -> None:
