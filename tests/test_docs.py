@@ -76,6 +76,7 @@ def functions_of(path: Path) -> frozenset[str]:
     return frozenset(re.findall(r"(?m)^\s*(?:async )?def (\w+)", path.read_text("utf-8")))
 
 
+@cache
 def anchors_of(page: Path) -> set[str]:
     """Anchors that the headings of a page make, as most renderers form them."""
     headings = re.findall(r"^#+ (.+)$", page.read_text("utf-8"), re.MULTILINE)

@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 import pytest
 
+from scripts.docs_pages.rooms import parse_imports
+
 PACKAGE = "rosbridge_sim"
 ROOT = Path(__file__).parent.parent / PACKAGE
 
@@ -358,8 +360,9 @@ def _reading_of(path: Path, root: Path) -> _Reading:
     parts = path.relative_to(root).with_suffix("").parts
     room = "" if parts == ("__init__",) else _room_of(parts)
     source = path.read_text()
-    tree = ast.parse(source)
-    nodes = list(ast.walk(tree))
+    reads_all = room in ARROWS and room.partition(".")[0] not in OUTSIDE
+    tree = ast.parse(source) if reads_all else parse_imports(source)
+    nodes = _nodes_of(tree)
     imports = list(_imports(nodes, parts))
     names = tuple(name for _, name in imports)
     if room not in ARROWS:
@@ -371,6 +374,23 @@ def _reading_of(path: Path, root: Path) -> _Reading:
         *_state_faults(tree, room),
     }
     return _Reading(tuple(sorted(faults)), names)
+
+
+def _nodes_of(tree: ast.AST) -> list[ast.AST]:
+    """As `ast.walk` in half of its time, without the nodes that say whether a name is read or written."""
+    nodes = [tree]
+    for node in nodes:  # which grows
+        for value in vars(node).values():
+            kind = type(value)
+            if kind is list:
+                nodes += [each for each in value if type(each) not in _NO_NODES]
+            elif kind not in _NO_NODES:
+                nodes.append(value)
+    return nodes
+
+
+_NO_NODES = frozenset({int, str, bool, float, complex, bytes, type(None), type(...), ast.Load, ast.Store, ast.Del})
+"""Types of what is in a node beside other nodes."""
 
 
 def _imports(nodes: Iterable[ast.AST], parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
