@@ -47,10 +47,12 @@ async def drive(client: Client, num: int) -> list[tuple[str, dict[str, Any]]]:
 
 
 async def test_camera_and_lidar_come_before_the_answer_and_repeat_to_the_byte(serve: Serve, connect: Connect) -> None:
-    runs, flags = [], ("--start", "sync", "--scenario", "loop", "--sensors", "teaching", "--no-dressing")
+    runs, url = [], serve("--start", "sync", "--scenario", "loop", "--sensors", "teaching", "--no-dressing").url
     for _ in range(2):
-        client = await connect(serve(*flags).url)
+        client = await connect(url)
+        await client.values("/sim/reset", {"seed": 0})
         runs.append(await drive(client, 5))
+        await client.close()
     first, second = runs
     assert [(name, message["header"]["seq"]) for name, message in first] == [
         *((IMAGE, seq) for seq in (2, 4, 5)),

@@ -34,7 +34,7 @@ def test_recorded_fuzz_round_reads_back_as_written(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 async def test_replayed_clients_make_their_honest_call_too(tmp_path: Path) -> None:
-    (configuration,) = (one for one in CONFIGURATIONS if one.name == "town")
+    (configuration,) = (one for one in CONFIGURATIONS if one.name == "demo")
     make_data(tmp_path, seed=0, has_recordings=False)
     tape, report = Tape(configuration), Report()
     for client in (0, 1, 0, 2):

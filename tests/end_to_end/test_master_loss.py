@@ -17,9 +17,9 @@ async def lose_master(serve: Serve, connect: Connect, on_loss: str) -> tuple[Cli
     await watcher.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
     await master.ask("/SyncModeCmd", user_id="first", start_sync_mode=True, time_step=20)
     await master.ask("/SyncModeCtrlCmd", frame=1, command={"longlCmdType": 2, "velocity": 20.0}, sensor_capture=False)
-    for i in range(50):
+    for i in range(20):
         answer = await master.ask("/SyncModeWaitForTick", user_id="first", frame=i + 1)
-    await watcher.message_where("/SyncModeInfo", lambda info: info["master_id"] == "first" and info["frame"] == 50)
+    await watcher.message_where("/SyncModeInfo", lambda info: info["master_id"] == "first" and info["frame"] == 20)
     master.cut()
     return watcher, url, answer["frame"]
 

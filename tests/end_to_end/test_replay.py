@@ -10,7 +10,7 @@ from tests.conftest import Connect, Simulate
 
 pytestmark = pytest.mark.slow
 
-NUM_TICKS = 200
+NUM_TICKS = 140
 
 
 async def record_drive(url: str, connect: Connect) -> list[str]:

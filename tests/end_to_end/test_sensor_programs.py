@@ -53,15 +53,14 @@ def town() -> RoadMap:
 
 
 @contextmanager
-def alone_on(map_name: str, folder: Path, x: float, y: float) -> Iterator[ServerProcess]:
+def alone_on(map_name: str, folder: Path, x: float, y: float, *flags: str) -> Iterator[ServerProcess]:
     """A server with a map on which nobody else drives; the ego stands at a place, and looks to the east."""
     sensors, scenario = folder / "sensors.toml", folder / "alone.json"
     sensors.write_text(SENSORS)
     ego = {"modelName": "2016_Hyundai_Ioniq", "initPosition": {"pos": {"x": x, "y": y, "z": 0}, "rot": {"yaw": 0}}}
     scenario.write_text(json.dumps({"mapInfo": {"mapName": map_name}, "egoVehicle": ego}))
-    process = ServerProcess(
-        folder / "log.txt", ("--start", "sync", "--scenario", str(scenario), "--sensors", str(sensors))
-    )
+    flags = ("--start", "sync", "--scenario", str(scenario), "--sensors", str(sensors), *flags)
+    process = ServerProcess(folder / "log.txt", flags)
     yield process
     process.stop_cleanly()
 
@@ -155,13 +154,17 @@ def test_each_car_at_10_20_and_40_m_is_a_cluster(server: ServerProcess, client: 
         assert 1.5 < box[3] < 2.3  # its width
 
 
-def test_scan_stops_the_car_before_an_obstacle(server: ServerProcess, client: Client) -> None:
-    client.spawn("Cargo_Box", x=110.0, y=SOUTH, heading_deg=0.0)
-    bumps = client.subscribe("/CollisionData", keep=100_000)
-    out = run(server, "stop_by_scan.py")
+def test_scan_stops_the_car_before_an_obstacle(tmp_path: Path) -> None:
+    with (
+        alone_on("track", tmp_path, 215.0, -1.75, "--no-dressing") as server,  # 85 m before a bend
+        Client(server.url, timeout=PATIENCE) as client,
+    ):
+        client.spawn("Cargo_Box", x=245.0, y=-1.75, heading_deg=0.0)
+        bumps = client.subscribe("/CollisionData", keep=100_000)
+        out = run(server, "stop_by_scan.py")
+        client.confirm()
+        met = [message["collision_object"] for message in bumps.take()]
     assert 0.5 < figure_of(r"stopped (\d+\.\d) m before an obstacle", out) < 5.5
-    client.confirm()
-    met = [message["collision_object"] for message in bumps.take()]
     assert met
     assert not any(met)
 

@@ -15,7 +15,7 @@ from tests.support import ROOT
 
 pytestmark = pytest.mark.slow
 
-NUM_FRAMES = 100
+NUM_FRAMES = 40
 
 GO_ON = f"""
 import sys
