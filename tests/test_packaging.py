@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import re
@@ -207,17 +208,12 @@ class Place:
         return self.folder / "env" / "bin"
 
     @property
-    def bytecode(self) -> Path:
-        """What is compiled at the first start, for the next ones."""
-        return self.folder / "bytecode"
-
-    @property
     def python(self) -> Path:
         return self.bin / "python3"
 
     def popen(self, words: Sequence[str], **env: str) -> subprocess.Popen[str]:
         """Start a command there as an ordinary user, with the image's ENV but for what `env` says."""
-        own = {"PATH": f"{self.bin}:{os.environ['PATH']}", "PYTHONPYCACHEPREFIX": str(self.bytecode)}
+        own = {"PATH": f"{self.bin}:{os.environ['PATH']}", "PYTHONPYCACHEPREFIX": ""}  # bytecode lies beside its file
         variables = {**os.environ, **environment(), **own, **env}
         user = NOBODY if os.geteuid() == 0 else None
         return subprocess.Popen(
@@ -246,16 +242,15 @@ def place() -> Iterator[Place]:
     folder.chmod(0o755)  # pytest's own folders are closed to others
     try:
         place = Place(folder)
-        place.bytecode.mkdir()
-        place.bytecode.chmod(0o777)
         do(python_for_all(place), "-m", "venv", "--without-pip", str(folder / "env"))
         do(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder))
         (wheel,) = folder.glob("*.whl")
-        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "--python", str(place.python)]
+        pip = [str(place.python), str(distribution("pip").locate_file("pip")), "--disable-pip-version-check", "--quiet"]
         do(*pip, "install", "--no-deps", "--no-index", "--no-compile", str(wheel))
         (packages,) = folder.glob("env/lib/python3*/site-packages")
-        for distribution in needed_by(wheel):
-            copy_files(distribution, packages)
+        for library in needed_by(wheel):
+            copy_files(library, packages)
+        copy_bytecode(packages)
         yield place
     finally:
         shutil.rmtree(folder)
@@ -294,11 +289,39 @@ def needed_by(wheel: Path) -> Iterator[Distribution]:
 
 
 def copy_files(found: Distribution, packages: Path) -> None:
-    """Copy a library into another folder of packages, without its programs."""
+    """Copy a library into another folder of packages, without its programs and its tests."""
     for file in found.files or []:
-        if ".." not in file.parts:
-            (packages / file).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy2(str(file.locate()), packages / file)
+        if not {"..", "tests"} & {*file.parts}:
+            source, target = Path(str(file.locate())), packages / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            link(source, target)
+            copy_compiled(source, target)
+
+
+def link(source: Path, target: Path) -> None:
+    """Copy a file that nobody will change; some are listed twice."""
+    if target.exists():
+        return
+    try:
+        target.hardlink_to(source)
+    except OSError:  # on another disk
+        shutil.copy2(source, target)
+
+
+def copy_compiled(source: Path, target: Path) -> None:
+    """Copy the bytecode of a module that was imported here: a start compiles without it for seconds."""
+    if source.suffix == ".py" and (compiled := Path(importlib.util.cache_from_source(source))).is_file():
+        (target.parent / "__pycache__").mkdir(exist_ok=True)
+        link(compiled, target.parent / "__pycache__" / compiled.name)
+
+
+def copy_bytecode(packages: Path) -> None:
+    """Copy that of the package, for the files of the wheel that have the bytes of the checkout."""
+    for source in (ROOT / "rosbridge_sim").rglob("*.py"):
+        target = packages / source.relative_to(ROOT)
+        if target.is_file() and target.read_bytes() == source.read_bytes():
+            shutil.copystat(source, target)  # bytecode is that of a file of the same size and time
+            copy_compiled(source, target)
 
 
 @pytest.mark.long
