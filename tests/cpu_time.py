@@ -36,8 +36,11 @@ def cpu_time(*pids: int) -> float:
     if not Path("/proc/self/stat").exists():
         return sum(os.times()[:4])
     ticks, waiting = 0, [(pid, 0) for pid in pids]
+    counted: set[int] = set()
     while waiting:
         pid, parent = waiting.pop()
+        if pid in counted:
+            continue  # a program that is named beside the one that has started it
         try:
             fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
         except OSError:
@@ -48,6 +51,7 @@ def cpu_time(*pids: int) -> float:
             for task in list(Path(f"/proc/{pid}/task").iterdir()):
                 with suppress(OSError):  # a thread that has ended; the others have children, too
                     waiting += [(int(child), pid) for child in (task / "children").read_text().split()]
+        counted.add(pid)
         ticks += sum(map(int, fields[11:15]))
     return ticks / os.sysconf("SC_CLK_TCK")
 

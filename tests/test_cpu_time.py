@@ -28,6 +28,16 @@ def test_cpu_time_has_that_of_programs_that_still_run() -> None:
         program.stdin.close()
 
 
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc")
+def test_program_that_is_named_beside_its_parent_counts_once() -> None:
+    with subprocess.Popen([sys.executable, "-Sc", f"{AT_WORK}input()"], stdin=-1, stdout=-1) as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == b"done\n"
+        whole = cpu_time(os.getpid())
+        assert cpu_time(os.getpid(), program.pid) < whole + 0.1
+        assert cpu_time(program.pid, os.getpid()) < whole + 0.1
+
+
 def test_program_that_works_is_waited_for() -> None:
     with fork_server.popen(["-c", AT_WORK]) as program:
         assert communicate(program, patience=2.0) == ("done\n", "")

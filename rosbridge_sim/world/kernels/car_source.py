@@ -68,17 +68,20 @@ def car_stages(*, is_stable: bool) -> CarStages:
     script = Script(len(columns))
     after = find_after(_CarOperators(script), script.given, DT, is_stable=is_stable)
     lines = dict(line.split(" = ", 1) for line in script.lines[1:])
+    # The stage of a number: one more than that of what it needs if it is a sine, a cosine or an arc tangent.
     calls = {name: found.groups() for name, text in lines.items() if (found := _CALL.fullmatch(text))}
     stage = {term.name: 0 for term in script.given}
     for name, text in lines.items():
         stage[name] = max((stage[each] for each in _NAMES.findall(text)), default=0) + (name in calls)
     last = max(stage.values())
+    # Numbers of all stages stand in columns of the world, or in rows of `found` if numpy makes them.
     order = sorted(calls, key=lambda name: (stage[name], calls[name][0]))
     places = {name: f"e->found[{i} * e->n + i]" for i, name in enumerate(order)}
     places |= {term.name: f"e->now[{i} * e->stride + r]" for i, term in enumerate(script.given)}
     targets = [
         place for names in RESULTS for place in columns_from([places[term.name] for term in script.given], *names)
     ]
+    # The names that each stage reads: for its equations, for the next calls of numpy, and at the end for the results.
     used = [
         {
             each
@@ -90,6 +93,7 @@ def car_stages(*, is_stable: bool) -> CarStages:
         | {term.name for term in after if s == last}
         for s in range(last + 1)
     ]
+    # What an earlier stage has made is kept in rows of `kept`.
     later = sorted({name for s, names in enumerate(used) for name in names if stage[name] < s and name not in places})
     places |= {name: f"e->kept[{i} * e->n + i]" for i, name in enumerate(later)}
     bodies = []
@@ -101,6 +105,7 @@ def car_stages(*, is_stable: bool) -> CarStages:
         body += [f"e->args[{i} * e->n + i] = {calls[name][1]};" for i, name in enumerate(order) if stage[name] == s + 1]
         body += [f"{place} = {term.name};" for place, term in zip(targets, after, strict=True) if s == last]
         bodies.append("".join(f"    {line}\n" for line in body))
+    # Neighbours in `order` of one stage and one function are one call of numpy.
     kinds = [(stage[name], calls[name][0]) for name in order]
     starts = [i for i, kind in enumerate(kinds) if not i or kind != kinds[i - 1]]
     runs = [(*kinds[a], a, b) for a, b in pairwise([*starts, len(kinds)])]

@@ -18,8 +18,10 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import FloatArray, wrap_angle
 
 _NAME: Final = re.compile(r"\bb\d+\b")
+"""A name that a line gives to a number."""
+
 _MADE_AND_USED: Final = 2
-"""Names of terms, and how often that of a term stands in the lines if it is used once."""
+"""Places where such a name stands if the number is used once: the line that makes it, and the one that uses it."""
 
 
 class Term:
