@@ -195,7 +195,7 @@ def test_nobody_crashes_behind_an_emergency_stop_and_the_braking_fades_along_the
     run(world, 5.0)
     command(world, leader, mode=Mode.PEDALS, steer=0.0, brake=1.0)
     hardest = np.zeros(len(rows))
-    for _ in range(800):
+    for _ in range(1000):
         step(world)
         assert not len(world.contacts)
         hardest = np.fmin(hardest, world.accel[rows])
