@@ -19,6 +19,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from typing import Any, Final, Generic, TypeVar
 
 from rosbridge_sim.errors import DocumentError
@@ -34,6 +35,10 @@ seconds; a disk that needs longer than this does not work."""
 LAST_MOMENT: Final = 0.5
 """Longest wait for interrupted threads at the end of the process [s]. A thread that takes longer waits for a disk,
 where killing it is harmless."""
+
+NEXT_INTERRUPT: Final = 0.05
+"""Time after which a thread that still runs is interrupted again [s]: the interpreter drops what is raised within a
+callback of a weak reference."""
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -104,6 +109,7 @@ class ThreadReader:
         self._is_stopped = True
         self._jobs.clear()
         if self._threads:
+            _print_no_interrupts()
             for thread in self._threads:
                 _interrupt(thread)
             atexit.register(_await_end, tuple(self._threads))
@@ -184,7 +190,20 @@ def _await_end(threads: Iterable[threading.Thread]) -> None:
     """Wait for threads, at most LAST_MOMENT."""
     until = time.monotonic() + LAST_MOMENT
     for thread in threads:
-        thread.join(max(0.0, until - time.monotonic()))
+        while thread.is_alive() and (left := until - time.monotonic()) > 0.0:
+            thread.join(min(left, NEXT_INTERRUPT))
+            _interrupt(thread)
+
+
+def _print_no_interrupts() -> None:
+    """Have the interpreter print no traceback where it drops an interrupt."""
+    if getattr(sys.unraisablehook, "func", None) is not _print_other:
+        sys.unraisablehook = partial(_print_other, sys.unraisablehook)
+
+
+def _print_other(hook: Callable[[sys.UnraisableHookArgs], object], dropped: sys.UnraisableHookArgs) -> None:
+    if dropped.exc_type is not SystemExit:
+        hook(dropped)
 
 
 def _nothing() -> None:

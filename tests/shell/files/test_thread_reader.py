@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import sys
 import threading
+import weakref
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -177,6 +178,32 @@ async def test_stop_interrupts_reads_without_waiting() -> None:
     await asyncio.to_thread(thread.join, PATIENCE)
     assert not thread.is_alive()
     assert desk.got == []
+
+
+async def test_interrupt_within_a_callback_is_not_printed_and_comes_again() -> None:
+    desk = ReaderFixture()
+    has_begun, is_behind = threading.Event(), threading.Event()
+
+    def wait_for_the_interrupt(_reference: object) -> None:
+        while True:
+            has_begun.set()
+
+    def work() -> str:
+        document = BlockedWork("")
+        reference = weakref.ref(document, wait_for_the_interrupt)
+        del document  # the interpreter drops what its callback raises, and tells the hook: here pytest's, which fails
+        assert reference() is None
+        while True:
+            is_behind.set()
+
+    desk.read(work)
+    assert await asyncio.to_thread(has_begun.wait, PATIENCE)
+    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    desk.reader.stop()
+    assert await asyncio.to_thread(is_behind.wait, PATIENCE)
+    for _ in range(20):  # it has half a second each time
+        await asyncio.to_thread(reading._await_end, [thread])
+    assert not thread.is_alive()
 
 
 async def test_stop_leaves_no_half_imported_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
