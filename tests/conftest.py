@@ -46,7 +46,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if processes := config.getoption("--processes"):
         from tests.forked_workers import ForkedWorkers  # noqa: PLC0415 - one process alone has no need of it
 
-        config.pluginmanager.register(ForkedWorkers(processes, config.getoption("--list-files")))
+        config.pluginmanager.register(ForkedWorkers(processes, config.getoption("--list-files"), _prepare))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -77,12 +77,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = sorted(chosen, key=_turn_of)
 
 
-def pytest_collection_finish(session: pytest.Session) -> None:
-    """Make once for all forks what many of their tests need: compiled loops and, for many tests, maps and types."""
-    config = session.config
-    if not config.getoption("--processes") or config.option.collectonly:
-        return
-    if _may_have_loops(config) and any("loops" in getattr(item, "fixturenames", ()) for item in session.items):
+def _prepare(session: pytest.Session) -> None:
+    """Make what many tests need: compiled loops and, for many tests, maps and types."""
+    if _may_have_loops(session.config) and any("loops" in getattr(item, "fixturenames", ()) for item in session.items):
         from rosbridge_sim.shell.kernels.compiler import NoKernelsError  # noqa: PLC0415 - most runs need none
         from tests.world.kernels.compiled_loops import compiler, library  # noqa: PLC0415 - likewise
 

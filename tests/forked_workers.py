@@ -13,7 +13,7 @@ import os
 import signal
 import time
 from collections import defaultdict
-from collections.abc import Container, Iterable
+from collections.abc import Callable, Container, Iterable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from multiprocessing.connection import Connection, wait
@@ -82,10 +82,15 @@ class ForkedWorkers:
     Args:
         num_workers: how many processes run tests at the same time.
         num_listed: how many files are listed at the end.
+        prepare: makes once what many tests need. The first forks do not wait for it: with programs to start, they need
+            the least of it.
     """
 
-    def __init__(self, num_workers: int, num_listed: int) -> None:
+    def __init__(
+        self, num_workers: int, num_listed: int, prepare: Callable[[pytest.Session], None] = lambda _: None
+    ) -> None:
         self._num_workers, self._num_listed = num_workers, num_listed
+        self._prepare = prepare
         self._num_forked = 0
         self._origin: fork_server.ForkServer | None = None
         self._workers: dict[Connection, _Worker] = {}
@@ -124,7 +129,10 @@ class ForkedWorkers:
         return True
 
     def _run(self, session: pytest.Session) -> None:
-        for _ in range(min(self._num_workers, len(self._groups))):
+        num_wanted = min(self._num_workers, len(self._groups))
+        while len(self._workers) < num_wanted:
+            if len(self._workers) == num_wanted // 2:
+                self._prepare(session)
             self._fork(session)
         while self._workers:
             for connection in wait(list(self._workers)):
