@@ -11,7 +11,6 @@ the difference to the driven distance is 0.5 %.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from hashlib import blake2b
 from typing import Any, Final, TypeAlias, TypeVar
 
@@ -31,6 +30,13 @@ Repeat: TypeAlias = "Callable[[Roads, Callable[[Roads], Any], Any], Any]"
 LEVEL: Final = 2.5
 """An entity that is farther than this above or below a lane is on another level [m]: bridges have a clearance of 4.5 m
 and more, and the ground within a few metres of a lane is not steeper than this."""
+
+
+_GIVEN: Final = (
+    *("ids", "points", "first", "width", "speed_limit", "left", "right", "is_stop", "border", "bank"),
+    *("first_successor", "successor", "digest"),
+)
+"""Attributes that a pickle of a map has: all others follow from them, and may be 20 times as large."""
 
 
 class LanePlaces(Record, eq=False):
@@ -126,18 +132,13 @@ class Roads:
         if not len(ids) == len(lines) == len(successors) == len(width) == len(speed_limit):
             raise ValueError("expected a name, a line, successors, a width and a speed limit for every lane")
         num = len(ids)
-        self.scale_of_lane: IntArray | None = None
-        self.num_copies = 1
-        self.alone: Roads = self
-        self.repeat: Repeat | None = None
         self.left = np.array([-1] * num if left is None else left, dtype=np.int64)
         self.right = np.array([-1] * num if right is None else right, dtype=np.int64)
         self.is_stop = np.array([False] * num if is_stop is None else is_stop, dtype=bool)
         if not len(self.left) == len(self.right) == len(self.is_stop) == num:
             raise ValueError("left, right and is_stop: expected one value for each lane")
         self.ids = tuple(ids)
-        self._rows = {name: i for i, name in enumerate(self.ids)}
-        if len(self._rows) != len(self.ids):
+        if len(set(self.ids)) != num:
             raise ValueError("ids: expected different names, but two lanes have the same one")
         # All lines at once: a call of numpy for each lane would hold up other threads, lane after lane.
         points = np.concatenate([np.zeros((0, 3)), *lines])
@@ -154,23 +155,28 @@ class Roads:
         self.speed_limit = np.array(speed_limit, dtype=np.float64)
         self.first_successor = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
         self.successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
-        self.lane_of_point = np.arange(num).repeat(count)
-        self.predecessor = np.arange(num).repeat(np.diff(self.first_successor))
         self.border = (0.5 * self.width).repeat(count)[:, None].repeat(2, axis=1)
         self.bank = np.zeros((len(self.points), 2))
         for column, tables in ((self.border, borders), (self.bank, banks)):
             if tables:
                 is_told = np.isin(lane, list(tables))
                 column[is_told[is_new]] = np.concatenate([tables[row] for row in sorted(tables)])[is_new[is_told]]
-        height = self.points[:, 2]
-        self.is_flat = not self.bank.any() and not (height != height[:1]).any()
-        self._measure()
-        self.search = SegmentSearch(self.segments, num) if num else None
-        self.kept: dict[object, Any] = {}
         self.digest = self._hash()
+        self._derive()
 
     def __len__(self) -> int:
         return len(self.width)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a map was made of, for a copy or a pickle."""
+        if self.num_copies > 1:
+            raise TypeError("copies of a map's lanes cannot be pickled: pickle the map, `alone`")
+        return {name: getattr(self, name) for name in _GIVEN}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become the map that `__getstate__` has told of."""
+        vars(self).update(state)
+        self._derive()
 
     def copies(self, num: int, search: SegmentSearch | None, repeat: Repeat) -> Roads:
         """Return the lanes of a map once for each of some worlds: row w * l + i is lane i in world w, of l lanes.
@@ -185,7 +191,8 @@ class Roads:
             search: of the segments.
             repeat: returns `derived` of the copies, of the function and of what it has made of the map.
         """
-        many = copy(self)
+        many = Roads.__new__(Roads)
+        vars(many).update(vars(self))
         many.num_copies = num
         many.search, many.repeat, many.kept = search, repeat, {}
         many.scale_of_lane = np.arange(num).repeat(len(self))
@@ -416,6 +423,22 @@ class Roads:
             distance = np.abs(lateral) + beyond
             yaw = wrap_angle(yaw + np.arctan(bends.slope(curve, along, length)))
         return LanePlaces(segments.lane[segment], s, lateral, distance, yaw)
+
+    def _derive(self) -> None:
+        """Work out all that follows from what was given."""
+        num, count = len(self), np.diff(self.first)
+        self.scale_of_lane: IntArray | None = None
+        self.num_copies = 1
+        self.alone: Roads = self
+        self.repeat: Repeat | None = None
+        self._rows = {name: i for i, name in enumerate(self.ids)}
+        self.lane_of_point = np.arange(num).repeat(count)
+        self.predecessor = np.arange(num).repeat(np.diff(self.first_successor))
+        height = self.points[:, 2]
+        self.is_flat = not self.bank.any() and not (height != height[:1]).any()
+        self._measure()
+        self.search = SegmentSearch(self.segments, num) if num else None
+        self.kept: dict[object, Any] = {}
 
     def _measure(self) -> None:
         """Work out segments, arc lengths and turns."""

@@ -246,6 +246,23 @@ def test_copy_of_a_world_leaves_its_set_and_goes_on_as_it_does(make: Callable[[O
     assert copied.digest() == worlds[1].digest()
 
 
+def test_pickle_of_a_world_is_as_small_after_a_drive_as_before_it() -> None:
+    world = OneOfMany()
+    open_scene(world, "town", 5)
+    sizes = []
+    for num in (0, 60):
+        for _ in range(num):
+            step(world)
+        sizes.append(len(pickle.dumps(world)))
+    assert max(sizes) < 1_000_000
+    assert sizes[1] < sizes[0] + 10_000
+    copied = pickled(world)
+    for _ in range(20):
+        step(world)
+        step(copied)
+    assert copied.digest() == world.digest()
+
+
 def test_world_with_fewer_rows_than_another_has_its_impacts() -> None:
     alone = [World(seed=seed, has_impacts=True) for seed in range(2)]
     many = [OneOfMany(seed=seed, has_impacts=True) for seed in range(2)]

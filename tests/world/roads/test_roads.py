@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.geometry.segment_search import BESIDE, CROWD, TURN_COST
+from rosbridge_sim.world.many_worlds.many_roads import repeat_roads
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from tests.mutations import examples
 
@@ -334,3 +337,21 @@ def test_a_grid_of_very_long_blocks_stays_small() -> None:
     for i, here in enumerate(place):
         is_in = np.all((here >= low - REACH) & (here <= high + REACH), axis=1)
         assert {(i, box) for box in np.flatnonzero(is_in).tolist()} <= found
+
+
+def test_pickle_of_roads_has_what_they_were_made_of_and_all_else_is_worked_out_again() -> None:
+    one = web(40, 300.0)
+    size = len(pickle.dumps(one))
+    one.derived(LaneConflicts)
+    one.nearest(one.points[:, 0], one.points[:, 1])
+    one.clearance(one.points[:, 0] + 50.0, one.points[:, 1], np.full(len(one.points), 9.0))
+    assert len(pickle.dumps(one)) == size < 3 * (one.points.nbytes + one.border.nbytes)
+    again: Roads = pickle.loads(pickle.dumps(one))  # noqa: S301 - our own
+    assert again.alone is again
+    assert vars(again).keys() == vars(one).keys()
+    for name in vars(one).keys() - {"alone", "segments", "search", "kept"}:
+        assert np.array_equal(getattr(again, name), getattr(one, name)), name
+    for name in one.segments.__struct_fields__:
+        assert np.array_equal(getattr(again.segments, name), getattr(one.segments, name)), name
+    with pytest.raises(TypeError, match="pickle the map, `alone`"):
+        pickle.dumps(repeat_roads(one, 2))
