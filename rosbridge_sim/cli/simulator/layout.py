@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -9,7 +10,8 @@ from typing import Any, Final
 import orjson
 
 from rosbridge_sim.cli.tools.text import note, put
-from rosbridge_sim.cli.tools.tool_client import Bridge, words
+from rosbridge_sim.cli.tools.tool_client import Bridge
+from rosbridge_sim.cli.tools.topic import types_of_topics
 
 TOPICS: Final = {
     "/sim/scene/map": "visualization_msgs/MarkerArray",
@@ -36,8 +38,7 @@ async def print_layout_of(bridge: Bridge, viewer: str, ros: int | None) -> None:
         RefusedError: it has no rosapi.
         BridgeError: there is no answer.
     """
-    answer = await bridge.ask("topics")
-    types = dict(zip(words(answer, "topics"), words(answer, "types"), strict=False))
+    types = await types_of_topics(bridge)
     names = choose_names(types)
     for default in TOPICS:
         if names[default] not in types:
@@ -81,120 +82,27 @@ def print_layout(viewer: str, ros: int | None, names: Names | None) -> None:
 
 
 def lichtblick(names: Names, ros: int) -> str:
-    """Return a layout for Lichtblick, as JSON.
+    """Return a layout for Lichtblick, as JSON: `lichtblick.json` with these names.
+
+    Releases differ in the field of the steering angle, so the plot has both; the one that is not there stays empty.
 
     Args:
         names: see `choose_names`.
         ros: 1 or 2.
     """
-    ego, control = names["/Ego_topic"], names["/ctrl_cmd"]
-    panels: _Json = {
-        "3D!scene": _scene(names),
-        "Plot!speed": _plot("Speed [m/s]", {f"{ego}.velocity.x": "speed"}),
-        # Releases differ in the field of the steering angle; the one that is not there stays empty.
-        "Plot!steering": _plot(
-            "Steering", {f"{ego}.wheel_angle": "steering [rad]", f"{ego}.front_steer_angle": "steering [deg]"}
-        ),
-        "RawMessages!sync": {
-            "diffEnabled": False,
-            "diffMethod": "custom",
-            "diffTopicPath": "",
-            "showFullMessageForDiff": False,
-            "topicPath": names["/SyncModeInfo"],
-        },
-        "Publish!drive": _publish("Drive 30 km/h", control, ros, longlCmdType=2, velocity=30.0),
-        "Publish!stop": _publish("Brake", control, ros, longlCmdType=1, brake=1.0),
-    }
-    scene: object = "3D!scene"
+    text = (Path(__file__).parent / "lichtblick.json").read_text("utf-8")
+    if ros == 2:  # noqa: PLR2004 - ROS 2
+        text = text.replace("morai_msgs/CtrlCmd", "morai_msgs/msg/CtrlCmd")
+    layout = orjson.loads(re.sub("|".join(TOPICS), lambda default: _quoted(names[default[0]])[1:-1], text))
+    panels: _Json = layout["configById"]
     if CAMERA_TYPE in names:
         panels["Image!camera"] = {"imageMode": {"imageTopic": names[CAMERA_TYPE]}}
-        scene = _column("3D!scene", "Image!camera", 60)
-    layout = {
-        "configById": panels,
-        "globalVariables": {},
-        "userNodes": {},
-        "playbackConfig": {"speed": 1},
-        "layout": _row(
-            scene,
-            _column(
-                _column("Plot!speed", "Plot!steering", 50),
-                _column("RawMessages!sync", _row("Publish!drive", "Publish!stop", 50), 60),
-                55,
-            ),
-            65,
-        ),
-    }
-    return orjson.dumps(layout, option=orjson.OPT_INDENT_2).decode()
-
-
-def _row(first: object, second: object, percentage: int) -> _Json:
-    return {"direction": "row", "first": first, "second": second, "splitPercentage": percentage}
-
-
-def _column(first: object, second: object, percentage: int) -> _Json:
-    return {"direction": "column", "first": first, "second": second, "splitPercentage": percentage}
-
-
-def _scene(names: Names) -> _Json:
-    topics: _Json = {names[topic]: {"visible": True} for topic in ("/sim/scene/map", "/sim/scene/objects")}
+        both = {"first": "3D!scene", "second": "Image!camera", "splitPercentage": 60}
+        layout["layout"]["first"] = {"direction": "column", **both}
     if LIDAR_TYPE in names:
         colours = {"colorMode": "colormap", "colorMap": "turbo", "colorField": "intensity"}
-        topics[names[LIDAR_TYPE]] = {"visible": True, "pointSize": 2, **colours}
-    return {
-        "cameraState": {
-            "perspective": True,
-            "distance": 60.0,
-            "phi": 55.0,
-            "thetaOffset": 90.0,
-            "targetOffset": [0.0, 0.0, 0.0],
-            "target": [0.0, 0.0, 0.0],
-            "targetOrientation": [0.0, 0.0, 0.0, 1.0],
-            "fovy": 45.0,
-            "near": 0.5,
-            "far": 5_000.0,
-        },
-        "followMode": "follow-pose",
-        "followTf": "base_link",
-        "scene": {"transforms": {"showLabel": False, "axisScale": 1.0}},
-        "transforms": {},
-        "topics": topics,
-        "layers": {},
-        "publish": {},
-        "imageMode": {},
-    }
-
-
-def _plot(title: str, paths: Mapping[str, str]) -> _Json:
-    """Return a plot of message paths, each with its label."""
-    return {
-        "foxglovePanelTitle": title,
-        "paths": [
-            {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
-            for path, label in paths.items()
-        ],
-        "showXAxisLabels": True,
-        "showYAxisLabels": True,
-        "showLegend": True,
-        "legendDisplay": "floating",
-        "showPlotValuesInLegend": True,
-        "isSynced": True,
-        "xAxisVal": "timestamp",
-        "sidebarDimension": 240,
-        "followingViewWidth": 60,
-    }
-
-
-def _publish(text: str, topic: str, ros: int, **fields: float) -> _Json:
-    usual = {"longlCmdType": 1, "accel": 0.0, "brake": 0.0, "steering": 0.0, "velocity": 0.0, "acceleration": 0.0}
-    return {
-        "buttonText": text,
-        "buttonTooltip": f"Publish on {topic}",
-        "buttonColor": "#0a7d32" if "velocity" in fields else "#c4161c",
-        "advancedView": False,
-        "topicName": topic,
-        "datatype": "morai_msgs/msg/CtrlCmd" if ros == 2 else "morai_msgs/CtrlCmd",  # noqa: PLR2004 - ROS 2
-        "value": orjson.dumps({**usual, **fields}, option=orjson.OPT_INDENT_2).decode(),
-    }
+        panels["3D!scene"]["topics"][names[LIDAR_TYPE]] = {"visible": True, "pointSize": 2, **colours}
+    return orjson.dumps(layout, option=orjson.OPT_INDENT_2).decode()
 
 
 # RViz
@@ -207,54 +115,36 @@ def rviz(names: Names, ros: int) -> str:
         names: see `choose_names`.
         ros: 1 or 2.
     """
-    package = "rviz" if ros == 1 else "rviz_default_plugins"
-    marker_topic = _marker_topic_1 if ros == 1 else _topic_2
-    markers = _template("markers", package, name="Map", topic=marker_topic(names["/sim/scene/map"], is_latched=True))
-    markers += _template("markers", package, name="Objects", topic=marker_topic(names["/sim/scene/objects"]))
-    sensors = ""
+
+    def topic_of(name: str, title: str = "Topic", more: str = "Queue Size: 2", *, is_latched: bool = False) -> str:
+        """Return the lines about a topic; in ROS 1 every subscriber gets a latched message."""
+        if ros == 1:
+            return f"      {title}: {_quoted(name)}\n      {more}\n"
+        durability = "Transient Local" if is_latched else "Volatile"
+        return _template("topic", topic=_quoted(name), durability=durability)
+
+    package, common = ("rviz", "rviz") if ros == 1 else ("rviz_default_plugins", "rviz_common")
+    markers = sensors = ""
+    for title, name in (("Map", "/sim/scene/map"), ("Objects", "/sim/scene/objects")):
+        topic = topic_of(names[name], "Marker Topic", "Queue Size: 100", is_latched=title == "Map")
+        markers += _template("markers", package=package, name=title, topic=topic)
     if CAMERA_TYPE in names:
         name = names[CAMERA_TYPE]
-        if ros == 1:  # its display takes the topic without the transport
-            topic = f"      Image Topic: {_yaml(name.removesuffix('/compressed'))}\n      Transport Hint: compressed\n"
-        else:
-            topic = _topic_2(name)
-        sensors += _template("camera", package, topic=topic)
+        name = name.removesuffix("/compressed") if ros == 1 else name  # its display takes it without the transport
+        topic = topic_of(name, "Image Topic", "Transport Hint: compressed")
+        sensors += _template("camera", package=package, topic=topic)
     if LIDAR_TYPE in names:
-        name = names[LIDAR_TYPE]
-        sensors += _template("lidar", package, topic=_topic_1(name) if ros == 1 else _topic_2(name))
-    common = "rviz" if ros == 1 else "rviz_common"
-    return _template("config", package, common=common, markers=markers, sensors=sensors)
+        sensors += _template("lidar", package=package, topic=topic_of(names[LIDAR_TYPE]))
+    return _template("config", package=package, common=common, markers=markers, sensors=sensors)
 
 
-def _template(part: str, package: str, **words: str) -> str:
+def _template(part: str, **words: str) -> str:
     """Return a part of the configuration from its file in `rviz/`."""
-    text = (Path(__file__).parent / "rviz" / f"{part}.yaml").read_text("utf-8")
-    return text.format(package=package, **words)
+    return (Path(__file__).parent / "rviz" / f"{part}.yaml").read_text("utf-8").format(**words)
 
 
-def _marker_topic_1(name: str, *, is_latched: bool = False) -> str:
-    del is_latched  # in ROS 1 every subscriber gets a latched message
-    return f"      Marker Topic: {_yaml(name)}\n      Queue Size: 100\n"
-
-
-def _topic_1(name: str) -> str:
-    return f"      Topic: {_yaml(name)}\n      Queue Size: 2\n"
-
-
-def _topic_2(name: str, *, is_latched: bool = False) -> str:
-    durability = "Transient Local" if is_latched else "Volatile"
-    return f"""\
-      Topic:
-        Depth: 5
-        Durability Policy: {durability}
-        History Policy: Keep Last
-        Reliability Policy: Reliable
-        Value: {_yaml(name)}
-"""
-
-
-def _yaml(text: str) -> str:
-    """Return a text as a scalar of YAML; JSON's quotes are YAML's, too."""
+def _quoted(text: str) -> str:
+    """Return a text in the quotes of JSON, which are YAML's, too."""
     return orjson.dumps(text).decode()
 
 
