@@ -7,6 +7,7 @@ can be restored and stepped.
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple, fields
 from hashlib import blake2b
 from typing import Any, Final, TypeVar
@@ -21,10 +22,12 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import FREE, SignalsSnapshot
 from rosbridge_sim.world.roads.turn_shares import TurnShares
+from rosbridge_sim.world.state.commands import MAX_COMMAND_ACCEL
 from rosbridge_sim.world.state.control_columns import BODY_COLUMNS
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NUM_CORE
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
+    MAX_SPEED,
     MIN_FRICTION_SHARE,
     NO_BODY,
     Body,
@@ -34,7 +37,7 @@ from rosbridge_sim.world.state.entity_types import (
     Mode,
 )
 from rosbridge_sim.world.state.labels import BOX_COLUMNS, labels_and_boxes
-from rosbridge_sim.world.state.world import MAX_UID, Snapshot
+from rosbridge_sim.world.state.world import DT, MAX_UID, Snapshot
 
 Plain = dict[str, Any]  # values of the kinds that `to_plain` writes
 
@@ -63,6 +66,30 @@ _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahea
 _LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "came_from": 2, "change": MAX_REASON, "change_since": MAX_COUNT}
 MAX_OFFSET: Final = 1e4
 """Bound of offsets from a lane [m], and of their rates and slopes: far beyond any lane beside, but still on the map."""
+
+MOST_SPEED: Final = 2e5
+"""Bound of speeds [m/s]. Clients, recordings and impacts give at most `MAX_SPEED` along each axis. No driver, engine or
+slope adds more than free fall from one end of the map to the other, sqrt(2 g 2 MAX_COORDINATE) = 1.98e5 m/s."""
+
+MOST_RATE: Final = 1e12
+"""Bound of accelerations and rates of turn [m/s^2, rad/s]. Recordings show half a turn in a nanosecond, 3e9 rad/s; in
+the kinematic model a car of 1,000 m/s with wheels at 89.9 degrees, 1 mm behind each other, has 6e11 m/s^2."""
+
+_MOST: Final = {
+    **dict.fromkeys(("speed", "lateral_speed", "climb", "start_speed"), MOST_SPEED),
+    **dict.fromkeys(("accel", "lateral_accel", "climb_accel", "yaw_rate"), MOST_RATE),
+    **dict.fromkeys(("yaw_accel", "pitch_rate", "roll_rate"), MOST_RATE / DT),
+    **dict.fromkeys(("drive_lag", "brake_lag"), 1.0),
+    "speed_cmd": MAX_SPEED,
+    "accel_cmd": MAX_COMMAND_ACCEL,
+}
+"""Greatest amounts of figures of all entities."""
+
+_MOST_DRIVEN: Final = {
+    **dict.fromkeys(("steer", "rear_steer", "steer_cmd", "rear_steer_cmd"), math.pi / 2),
+    **dict.fromkeys(("throttle", "brake"), 1.0),
+}
+"""The same of all but ghosts, which show what was recorded: a `Body` turns its wheels by less, and pedals are 0..1."""
 
 T = TypeVar("T")
 
@@ -174,6 +201,7 @@ class _Reader:
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
         self._check_labels(names, bodies, floats, ints, bools)
+        _check_amounts(names, floats, ints, bools)
         # Scores: only while they are kept, and only those that this program has written.
         is_scoring = self._int("is_scoring", 0, 1) == 1
         if not is_scoring:
@@ -422,6 +450,16 @@ class _Reader:
 def _expect(is_good: bool, name: str, expected: str) -> None:  # noqa: FBT001 - an assertion
     if not is_good:
         raise ValueError(f"world.{name}: expected {expected}")
+
+
+def _check_amounts(names: tuple[str, ...], floats: FloatArray, ints: IntArray, bools: BoolArray) -> None:
+    """Check that no figure is greater than it can become in any world."""
+    is_ghost, ids = bools[BOOLS.index("is_ghost")], ints[INTS.index("uid")]
+    for name, most in (_MOST | _MOST_DRIVEN).items():
+        figures = floats[FLOATS.index(name)]
+        for row in np.flatnonzero((np.abs(figures) > most) & ~(is_ghost & (name in _MOST_DRIVEN))).tolist():
+            told = f"a figure within +-{most:g} of entity {ids[row]} {names[row][:80]!r}, got {figures[row]:g}"
+            _expect(is_good=False, name=f"floats.{name}", expected=told)
 
 
 def _check_divisors(egos: FloatArray) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
+from rosbridge_sim.world.state.placement import show_ghosts, teleport
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, car, road
@@ -117,3 +119,36 @@ def test_lanes_ahead_of_a_driver_have_no_gap(route: list[int]) -> None:
         data["ints"][INTS.index(name), DRIVER] = lane
     with pytest.raises(ValueError, match=r"ints\.ahead: expected lanes without a gap"):
         from_plain(data, world.roads, world.signals.plan)
+
+
+@pytest.mark.parametrize(
+    ("column", "row", "figure"),
+    [
+        *[("speed", row, figure) for row in (BOX, DRIVER, EGO) for figure in (1e6, -2.1e5)],
+        *[("lateral_speed", EGO, 1e6), ("climb", BOX, -1e6), ("start_speed", DRIVER, 1e6), ("speed_cmd", EGO, 1001.0)],
+        *[("accel", DRIVER, 2e12), ("lateral_accel", EGO, -2e12), ("accel_cmd", EGO, 101.0), ("yaw_rate", EGO, 2e12)],
+        *[("yaw_accel", EGO, 1e14), ("pitch_rate", EGO, 1e14), ("climb_accel", BOX, 1e14)],
+        *[("steer", EGO, 1.6), ("rear_steer", EGO, -1.6), ("steer_cmd", EGO, 7.0), ("rear_steer_cmd", EGO, 7.0)],
+        *[("drive_lag", EGO, 1.1), ("brake_lag", EGO, 2.0), ("throttle", EGO, 1.1), ("brake", EGO, -1.1)],
+    ],
+)
+def test_figure_that_no_world_reaches_is_refused_by_its_name_and_that_of_its_entity(
+    column: str, row: int, figure: float
+) -> None:
+    world = some_world()
+    step(world)
+    data = to_plain(world.snapshot())
+    data["floats"][FLOATS.index(column), row] = figure
+    whose = f"of entity {world.uid[row]} '{world.names[row]}', got "
+    with pytest.raises(ValueError, match=rf"world\.floats\.{column}: expected a figure within \+-.* {whose}"):
+        from_plain(data, world.roads, world.signals.plan)
+
+
+def test_ghost_that_is_driven_on_has_wheels_and_pedals_of_its_car() -> None:
+    world = some_world()
+    shown = ("steer", "throttle", "brake")
+    show_ghosts(world, np.array([EGO]), shown, np.array([[-1e8], [1e8], [-3.0]]))
+    from_plain(to_plain(world.snapshot()), world.roads, world.signals.plan)
+    teleport(world, EGO, x=0.0, y=60.0, z=0.0, yaw=0.0)
+    assert [getattr(world, name)[EGO] for name in shown] == [-CAR.max_steer, 1.0, 0.0]
+    from_plain(to_plain(world.snapshot()), world.roads, world.signals.plan)

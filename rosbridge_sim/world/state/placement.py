@@ -167,5 +167,10 @@ def set_ghost(world: WorldRows, row: int, *, is_ghost: bool) -> None:
     if world.is_ghost.item(row) != is_ghost:
         world.is_ghost[row] = is_ghost
         world.touch()
-        if not is_ghost and not world.roads.is_flat:  # from here on it is on the ground
+        if is_ghost:
+            return
+        limit = world.max_steer.item(row)  # what was recorded may be beyond what its wheels and pedals can do
+        for column, low, high in ((world.steer, -limit, limit), (world.throttle, 0.0, 1.0), (world.brake, 0.0, 1.0)):
+            column[row] = min(max(column.item(row), low), high)
+        if not world.roads.is_flat:  # from here on it is on the ground
             settle(world, world.roads, np.array([row]), world.z[[row]])
