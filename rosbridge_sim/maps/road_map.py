@@ -82,6 +82,11 @@ class Crosswalk(Record, eq=False):
     lights: tuple[int, ...] = ()
 
 
+def open_outline(outline: FloatArray) -> FloatArray:
+    """Return the corners of an outline, (k, 3), without the first one again at the end."""
+    return outline[:-1] if len(outline) > 1 and np.array_equal(outline[0], outline[-1]) else outline
+
+
 def stripes_of(outline: FloatArray, begin: float = 0.25) -> FloatArray | None:
     """Return the stripes of a part of a crosswalk: as wide as the gaps, 0.5 m, along the driving direction.
 
@@ -92,8 +97,7 @@ def stripes_of(outline: FloatArray, begin: float = 0.25) -> FloatArray | None:
     Returns:
         (m, 4, 2 or 3) corners of the stripes in the order of the outline's; None if it has not four corners.
     """
-    if len(outline) > 1 and (outline[0] == outline[-1]).all():
-        outline = outline[:-1]
+    outline = open_outline(outline)
     if len(outline) != 4:  # noqa: PLR2004 - a rectangle's
         return None
     sides = np.hypot(*(np.roll(outline, -1, axis=0) - outline)[:, :2].T)

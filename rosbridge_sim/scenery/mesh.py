@@ -6,7 +6,7 @@ A `Mesh` has arrays, no objects: thousands of triangles are moved, joined and up
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
 from hashlib import blake2b
@@ -14,6 +14,8 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rosbridge_sim.scenery.solids import join
 
 Colour = tuple[int, int, int]
 """Red, green and blue, 0..255, as a camera sees it at noon."""
@@ -58,6 +60,9 @@ class Lit(IntEnum):
     NEVER = 0
     NOW = 1
     IN_THE_DARK = 2  # head lamps and street lamps
+
+
+_LOOKS: Final = ("colour", "label", "instance", "lit")
 
 
 @dataclass(frozen=True, eq=False)  # without slots, because the digest is kept
@@ -107,15 +112,7 @@ class Mesh:
         Args:
             which: (m,) bool, or (k,) rows of triangles.
         """
-        return Mesh(
-            self.origin,
-            self.vertices,
-            self.triangles[which],
-            self.colour[which],
-            self.label[which],
-            self.instance[which],
-            self.lit[which],
-        )
+        return replace(self, **{name: getattr(self, name)[which] for name in ("triangles", *_LOOKS)})
 
     @classmethod
     def of(
@@ -168,13 +165,6 @@ def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
     origin = meshes[0].origin
     if any(each.origin is not origin and not np.array_equal(each.origin, origin) for each in meshes):
         raise ValueError("meshes: expected the same origin for all")
-    first = np.cumsum([0, *(len(each.vertices) for each in meshes[:-1])])
-    return Mesh(
-        origin,
-        np.concatenate([each.vertices for each in meshes]),
-        np.concatenate([each.triangles + np.int32(at) for each, at in zip(meshes, first.tolist(), strict=True)]),
-        np.concatenate([each.colour for each in meshes]),
-        np.concatenate([each.label for each in meshes]),
-        np.concatenate([each.instance for each in meshes]),
-        np.concatenate([each.lit for each in meshes]),
-    )
+    vertices, triangles = join(*((each.vertices, each.triangles) for each in meshes))
+    looks = (np.concatenate([getattr(each, name) for each in meshes]) for name in _LOOKS)
+    return Mesh(origin, vertices, triangles, *looks)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rosbridge_sim.scenery.mesh import Colour, Label, Lit, Mesh, join_meshes
+from rosbridge_sim.scenery.solids import Solid, turned
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 
@@ -38,6 +39,18 @@ class MeshBuilder:
         if len(triangles):
             at = self._origin
             self._parts.append(Mesh.of(vertices - at, triangles, colour, label, origin=at, lit=lit))
+
+    def add_solid(
+        self, solid: Solid, at: ArrayLike, colour: Colour, label: Label, *, way: ArrayLike = (1.0, 0.0)
+    ) -> None:
+        """Add a solid at a place, turned from its own x axis to a direction.
+
+        Args:
+            at: (3,) of its origin, map frame [m].
+            way: (2,) unit vector.
+        """
+        vertices, triangles = solid
+        self.add(turned(vertices, way) + np.asarray(at), triangles, colour, label)
 
     def add_quads(self, corners: FloatArray, colour: Colour | NDArray[np.uint8], label: Label) -> None:
         """Add quadrilaterals.

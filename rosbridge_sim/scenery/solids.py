@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-Solid = tuple[FloatArray, NDArray[np.int32]]
+Solid = tuple[NDArray[Any], NDArray[np.int32]]
 """(n, 3) vertices [m] and (m, 3) triangles, counter-clockwise from outside."""
 
 

@@ -15,36 +15,19 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.chance import mix
 from rosbridge_sim.world.state.world import DT
 
-_CARS: Final = np.array(
-    [
-        *[(226, 228, 228)] * 8,  # white, about a third of all cars (Axalta's report on colours, Asia, 2023)
-        *[(26, 27, 30)] * 5,
-        *[(96, 100, 104)] * 4,
-        *[(168, 172, 176)] * 3,
-        *[(38, 62, 112)] * 2,
-        (150, 28, 30),
-        (112, 92, 70),
-        (52, 78, 60),
-    ],
-    dtype=np.uint8,
-)
-_BUSES: Final = np.array([(44, 110, 62), (38, 92, 168), (196, 60, 44)], dtype=np.uint8)
-_SHIRTS: Final = np.array(
-    [
-        (150, 40, 44),
-        (44, 66, 120),
-        (60, 62, 66),
-        (206, 200, 190),
-        (70, 98, 70),
-        (120, 88, 60),
-        (86, 62, 104),
-        (30, 32, 38),
-    ],
-    dtype=np.uint8,
-)
-_TROUSERS: Final = np.array([(40, 48, 74), (34, 34, 38), (92, 84, 70), (58, 60, 64)], dtype=np.uint8)
-_SKINS: Final = np.array([(226, 184, 154), (204, 158, 126), (150, 108, 82)], dtype=np.uint8)
-_HAIRS: Final = np.array([(24, 20, 18), (52, 38, 28), (96, 82, 66)], dtype=np.uint8)
+
+def _colours(text: str) -> NDArray[np.uint8]:
+    """Return the colours of a text as CSS writes them, without `#`, (k, 3)."""
+    return np.frombuffer(bytes.fromhex(text), dtype=np.uint8).reshape(-1, 3)
+
+
+# White is about a third of all cars (Axalta's report on colours, Asia, 2023).
+_CARS: Final = _colours("e2e4e4" * 8 + "1a1b1e" * 5 + "606468" * 4 + "a8acb0" * 3 + "263e70" * 2 + "961c1e705c46344e3c")
+_BUSES: Final = _colours("2c6e3e 265ca8 c43c2c")
+_SHIRTS: Final = _colours("96282c 2c4278 3c3e42 cec8be 466246 78583c 563e68 1e2026")
+_TROUSERS: Final = _colours("28304a 222226 5c5446 3a3c40")
+_SKINS: Final = _colours("e2b89a cc9e7e 966c52")
+_HAIRS: Final = _colours("181412 34261c 605242")
 EGO_PAINT: Final = (24, 78, 160)
 """Paint of egos: a blue that no other vehicle has."""
 

@@ -12,12 +12,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from rosbridge_sim.scenery.lines import runs_of, sample_arcs, strip
+from rosbridge_sim.scenery.lines import runs_of, sample_arcs
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
-from rosbridge_sim.scenery.static.road_surface import ASPHALT, SHOULDER, sample_lane
+from rosbridge_sim.scenery.static.road_surface import ASPHALT, SHOULDER, LaneEdge, sample_lane
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -67,6 +67,8 @@ BRIDGE: Final = 2.0
 PARAPET, DECK = 0.9, 0.7
 """Height of the wall of a bridge above the road, and depth of its deck below it [m]."""
 
+UP: Final = np.array([0.0, 0.0, 1.0])
+
 GREY: Final[Colour] = (168, 166, 160)
 SLABS: Final[Colour] = (150, 146, 140)
 VERGE: Final[Colour] = (99, 112, 86)
@@ -97,7 +99,7 @@ def add_edges(site: RoadSite, *, has_pavement: bool) -> None:
         has_pavement: people walk here.
     """
     builder, roads, cover, paint, terrain = site
-    edges = [edge for lane in range(len(roads)) for edge in _edges_of(roads, lane)]
+    edges = [edge for lane in range(len(roads)) for edge in sample_lane(roads, lane, STEP, 2).edges()]
     nums = [len(edge.points) for edge in edges]
     narrow = np.where(_are_turns(roads), NARROW_IN_CROSSINGS, NARROW).repeat(2).repeat(nums)
     whole = _join(edges)
@@ -121,33 +123,6 @@ def add_edges(site: RoadSite, *, has_pavement: bool) -> None:
                     _add_edge(builder, terrain, shifted.take(here), free[here], has_pavement=has_pavement)
 
 
-class _Edge(NamedTuple):
-    """An edge of a road: the line of a lane, and how far beside it the road ends, (n,) each.
-
-    Attributes:
-        points: (n, 3) of the lane's line [m].
-        out: (n, 2) unit vectors outwards.
-        offset: of the edge from the line [m].
-        rise: outwards, for each metre.
-        left: whether the edge is on the left.
-    """
-
-    points: FloatArray
-    out: FloatArray
-    offset: FloatArray
-    rise: FloatArray
-    left: bool
-
-    def beyond(self, distance: float | FloatArray) -> FloatArray:
-        """Return the places at a distance outwards from the edge, or at one each, (n, 3) [m]."""
-        away = self.offset + distance
-        return np.column_stack([self.points[:, :2] + away[:, None] * self.out, self.points[:, 2] + away * self.rise])
-
-    def take(self, rows: IntArray) -> _Edge:
-        """Return some of its places."""
-        return _Edge(self.points[rows], self.out[rows], self.offset[rows], self.rise[rows], self.left)
-
-
 class _Room(NamedTuple):
     """Ground beside the places of edges, (n,) each.
 
@@ -162,19 +137,10 @@ class _Room(NamedTuple):
     free: FloatArray
 
 
-def _edges_of(roads: Roads, lane: int) -> tuple[_Edge, _Edge]:
-    """Return the left and the right edge of a lane, at places about `STEP` apart."""
-    points, side, border, bank = sample_lane(roads, lane, STEP, 2)
-    return (
-        _Edge(points, side, border[:, 0] + SHOULDER, bank[:, 0], left=True),
-        _Edge(points, -side, border[:, 1] + SHOULDER, -bank[:, 1], left=False),
-    )
-
-
-def _join(edges: list[_Edge]) -> _Edge:
+def _join(edges: list[LaneEdge]) -> LaneEdge:
     """Return the places of all edges, one after the other."""
     points, out, offset, rise = (np.concatenate(column) for column in list(zip(*edges, strict=True))[:4])
-    return _Edge(points, out, offset, rise, left=False)
+    return LaneEdge(points, out, offset, rise, left=False)
 
 
 def _are_turns(roads: Roads) -> BoolArray:
@@ -188,7 +154,7 @@ def _are_turns(roads: Roads) -> BoolArray:
     return found & (roads.length <= LONGEST_TURN)
 
 
-def _look_outwards(cover: RoadCover, paint: LoosePaint, edge: _Edge, narrow: FloatArray) -> _Room:
+def _look_outwards(cover: RoadCover, paint: LoosePaint, edge: LaneEdge, narrow: FloatArray) -> _Room:
     """Return the ground beside each place, up to the first lane.
 
     Args:
@@ -247,7 +213,7 @@ def _thin(line: FloatArray, widths: FloatArray, start: int, end: int) -> IntArra
     return start + np.flatnonzero(is_kept)
 
 
-def _add_filling(builder: MeshBuilder, edge: _Edge, far: FloatArray, filled: FloatArray) -> None:
+def _add_filling(builder: MeshBuilder, edge: LaneEdge, far: FloatArray, filled: FloatArray) -> None:
     """Add asphalt between an edge and places (n, 3) outwards, where its width (n,) is not 0.
 
     Each piece of it ends in a point at the places beside it, which closes the corners where two turns part.
@@ -259,17 +225,15 @@ def _add_filling(builder: MeshBuilder, edge: _Edge, far: FloatArray, filled: Flo
     far = np.where(is_filled[:, None], far, near)
     for start, end in runs_of(np.convolve(is_filled, [1, 1, 1], mode="same") > 0):
         own = _thin(edge.points, filled[:, None], start, end)
-        pair = (far[own], near[own]) if edge.left else (near[own], far[own])
-        builder.add(*strip(*pair), ASPHALT, Label.ASPHALT)
+        edge.add_ring(builder, near[own], far[own], (ASPHALT, Label.ASPHALT))
 
 
-def _add_edge(builder: MeshBuilder, terrain: Terrain, edge: _Edge, free: FloatArray, *, has_pavement: bool) -> None:
+def _add_edge(builder: MeshBuilder, terrain: Terrain, edge: LaneEdge, free: FloatArray, *, has_pavement: bool) -> None:
     """Add the edge of a lane to one side: the rings of a profile across it, from the road outwards.
 
     Args:
         free: width that it may have, (n,) [m].
     """
-    up = np.array([0.0, 0.0, 1.0])
     profile: list[tuple[float | FloatArray, float, Colour, Label]] = []
     out = np.zeros(len(free))
     if has_pavement:
@@ -280,19 +244,17 @@ def _add_edge(builder: MeshBuilder, terrain: Terrain, edge: _Edge, free: FloatAr
             (KERB_WIDTH, PAVEMENT_HEIGHT, GREY, Label.KERB),
             (out, PAVEMENT_HEIGHT, SLABS, Label.PAVEMENT),
         ]
-    rings = [edge.beyond(0.0), *(edge.beyond(width) + height * up for width, height, _, _ in profile)]
+    rings = [edge.beyond(0.0), *(edge.beyond(width) + height * UP for width, height, _, _ in profile)]
     last = edge.beyond(np.minimum(out + VERGE_WIDTH, free))
     last[:, 2] = np.minimum(terrain.height(last), last[:, 2]) - 0.3
     rings.append(last)
     looks = [(colour, label) for _, _, colour, label in profile] + [(VERGE, Label.GROUND)]
-    for (inner, outer), (colour, label) in zip(pairwise(rings), looks, strict=True):
-        builder.add(*(strip(outer, inner) if edge.left else strip(inner, outer)), colour, label)
+    for (inner, outer), look in zip(pairwise(rings), looks, strict=True):
+        edge.add_ring(builder, inner, outer, look)
 
 
-def _add_parapet(builder: MeshBuilder, edge: _Edge) -> None:
+def _add_parapet(builder: MeshBuilder, edge: LaneEdge) -> None:
     """Add a wall along the edge of a bridge, and the side of its deck."""
-    up = np.array([0.0, 0.0, 1.0])
     wall = ((0.0, 0.0), (0.0, PARAPET), (0.25, PARAPET), (0.25, -DECK))
-    rings = [edge.beyond(width) + height * up for width, height in wall]
-    for inner, outer in pairwise(rings):
-        builder.add(*(strip(outer, inner) if edge.left else strip(inner, outer)), GREY, Label.KERB)
+    for inner, outer in pairwise(edge.beyond(width) + height * UP for width, height in wall):
+        edge.add_ring(builder, inner, outer, (GREY, Label.KERB))

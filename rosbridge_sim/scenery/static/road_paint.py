@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.maps.road_map import Border, Crosswalk, RoadMap, stripes_of
+from rosbridge_sim.maps.road_map import Border, Crosswalk, RoadMap, open_outline, stripes_of
 from rosbridge_sim.scenery.lines import across, cut_dashes, sample_arcs, strip, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
@@ -105,19 +105,14 @@ def _add_line(
 ) -> None:
     """Add a line; with dashes (length and gap) it is broken."""
     arcs = sample_arcs(line)
-    parts = [arcs]
-    if dashes is not None:
-        parts = []
-        for start, end in cut_dashes(float(arcs[-1]), *dashes):
-            inner = arcs[(arcs > start) & (arcs < end)]
-            parts.append(np.concatenate([[start], inner, [end]]))
+    ends = [(0.0, float(arcs[-1]))] if dashes is None else cut_dashes(float(arcs[-1]), *dashes)
     whole = np.column_stack([line, across(line)])
-    for part in parts:
+    for start, end in ends:
+        part = np.concatenate([[start], arcs[(arcs > start) & (arcs < end)], [end]])
         values = take_at(whole, part)
         points, side = values[:, :3] + (0.0, 0.0, LINE_LIFT), values[:, 3:]
         side = side / np.maximum(np.linalg.norm(side, axis=1), 1e-6)[:, None] * (0.5 * width)
-        level = np.zeros((len(part), 1))
-        shift = np.concatenate([side, level], axis=1)
+        shift = np.column_stack([side, np.zeros(len(part))])
         builder.add(*strip(points + shift, points - shift), colour, label)
 
 
@@ -136,8 +131,7 @@ def _add_crosswalk(builder: MeshBuilder, crosswalk: Crosswalk) -> None:
 
 def four_corners(outline: FloatArray) -> FloatArray | None:
     """Return a quadrilateral for an outline: itself, or the box along its longest side; None if it has no area."""
-    if np.array_equal(outline[0], outline[-1]):
-        outline = outline[:-1]
+    outline = open_outline(outline)
     if len(outline) == 4:  # noqa: PLR2004 - most crosswalks
         return outline
     if len(outline) < 3:  # noqa: PLR2004 - no area

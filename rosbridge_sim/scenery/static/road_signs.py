@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.maps.road_map import Marking, Sign
+from rosbridge_sim.maps.road_map import Marking, Sign, open_outline
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.solids import box, column, turned
+from rosbridge_sim.scenery.solids import box, column
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.road_paint import WHITE
 from rosbridge_sim.scenery.static.terrain import Terrain
@@ -34,9 +34,7 @@ _PLATES: Final[dict[str, Colour]] = {"1": (232, 190, 40), "2": (196, 40, 44), "3
 def add_markings(builder: MeshBuilder, markings: Sequence[Marking]) -> None:
     """Add areas that are painted white."""
     for marking in markings:
-        outline = marking.outline
-        if np.array_equal(outline[0], outline[-1]):
-            outline = outline[:-1]
+        outline = open_outline(marking.outline)
         builder.add(outline + np.array([0.0, 0.0, LIFT]), _triangles_of(outline[:, :2]), WHITE, Label.PAINT_WHITE)
 
 
@@ -47,7 +45,7 @@ def _triangles_of(outline: FloatArray) -> IntArray:
     """
     x, y = outline.T
     area = float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
-    rest = list(range(len(outline))) if area >= 0.0 else list(range(len(outline)))[::-1]
+    rest = list(range(len(outline)))[:: 1 if area >= 0.0 else -1]
     found = []
     while len(rest) > 2:  # noqa: PLR2004 - a triangle
         for i in range(len(rest)):
@@ -87,10 +85,9 @@ def add_signs(builder: MeshBuilder, signs: Sequence[Sign], cover: RoadCover, ter
     for sign, ground, above in zip(signs, floor.tolist(), is_above.tolist(), strict=True):
         low = max(ground + (CLEAR_ON_ROAD if above else CLEAR), sign.z - 0.5 * sign.height)
         cos, sin = np.cos(sign.yaw), np.sin(sign.yaw)
-        vertices, triangles = box((0.0, -0.5 * sign.width, low), (THICK, 0.5 * sign.width, low + sign.height))
-        plate = turned(vertices, (cos, sin)) + np.array([sign.x, sign.y, 0.0])
-        builder.add(plate, triangles, _PLATES.get(sign.kind, WHITE), Label.SIGN)
+        plate = box((0.0, -0.5 * sign.width, low), (THICK, 0.5 * sign.width, low + sign.height))
+        colour = _PLATES.get(sign.kind, WHITE)
+        builder.add_solid(plate, (sign.x, sign.y, 0.0), colour, Label.SIGN, way=(cos, sin))
         if not above:
-            vertices, triangles = column(POLE, ground - 0.2, low + sign.height, 6)
-            at = np.array([sign.x - 1.1 * POLE * cos, sign.y - 1.1 * POLE * sin, 0.0])
-            builder.add(vertices + at, triangles, STEEL, Label.POLE)
+            at = (sign.x - 1.1 * POLE * cos, sign.y - 1.1 * POLE * sin, 0.0)
+            builder.add_solid(column(POLE, ground - 0.2, low + sign.height, 6), at, STEEL, Label.POLE)

@@ -9,7 +9,7 @@ import numpy as np
 from rosbridge_sim.scenery.lines import across, sample_arcs, strip, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 
 ASPHALT: Final[Colour] = (97, 97, 99)
@@ -24,18 +24,46 @@ OVERLAP: Final = 0.2
 
 def add_asphalt(builder: MeshBuilder, roads: Roads) -> None:
     """Add the surface of all lanes."""
-    for lane in range(len(roads)):
-        points, side, border, bank = sample_lane(roads, lane)
+    for row in range(len(roads)):
+        lane = sample_lane(roads, row)
+        points = lane.points
         for end, inner in ((0, 1), (-1, -2)):
             outwards = points[end] - points[inner]
             points[end] += OVERLAP / np.hypot(*outwards[:2]) * outwards
-        left, right = (beside(points, side, border[:, i] + SHOULDER, bank[:, i], i) for i in (0, 1))
-        middle_left, middle_right = strip(left, points), strip(points, right)
-        if bank.any():
-            builder.add(*middle_left, ASPHALT, Label.ASPHALT)
-            builder.add(*middle_right, ASPHALT, Label.ASPHALT)
-        else:
-            builder.add(*strip(left, right), ASPHALT, Label.ASPHALT)
+        left, right = (edge.beyond(0.0) for edge in lane.edges())
+        for pair in ((left, points), (points, right)) if lane.bank.any() else ((left, right),):
+            builder.add(*strip(*pair), ASPHALT, Label.ASPHALT)
+
+
+class LaneEdge(NamedTuple):
+    """One edge of a lane, or several in one: where its asphalt ends.
+
+    Attributes:
+        points: (n, 3) on the lane's line [m].
+        out: (n, 2) unit vectors away from the line.
+        offset: of the edge from the line [m].
+        rise: outwards, for each metre.
+        left: whether the edge is on the left.
+    """
+
+    points: FloatArray
+    out: FloatArray
+    offset: FloatArray
+    rise: FloatArray
+    left: bool
+
+    def beyond(self, distance: float | FloatArray) -> FloatArray:
+        """Return the places at a distance outwards from the edge, or at one each, (n, 3) [m]."""
+        away = self.offset + distance
+        return np.column_stack([self.points[:, :2] + away[:, None] * self.out, self.points[:, 2] + away * self.rise])
+
+    def take(self, rows: IntArray) -> LaneEdge:
+        """Return some of its places."""
+        return LaneEdge(self.points[rows], self.out[rows], self.offset[rows], self.rise[rows], self.left)
+
+    def add_ring(self, builder: MeshBuilder, inner: FloatArray, outer: FloatArray, look: tuple[Colour, Label]) -> None:
+        """Add the surface between two lines along the edge, its upper side upwards."""
+        builder.add(*(strip(outer, inner) if self.left else strip(inner, outer)), *look)
 
 
 class LaneSample(NamedTuple):
@@ -53,6 +81,14 @@ class LaneSample(NamedTuple):
     border: FloatArray
     bank: FloatArray
 
+    def edges(self) -> tuple[LaneEdge, LaneEdge]:
+        """Return the left and the right edge."""
+        offset, bank = self.border + SHOULDER, self.bank
+        return (
+            LaneEdge(self.points, self.side, offset[:, 0], bank[:, 0], left=True),
+            LaneEdge(self.points, -self.side, offset[:, 1], -bank[:, 1], left=False),
+        )
+
 
 def sample_lane(roads: Roads, lane: int, step: float | None = None, least: int = 1) -> LaneSample:
     """Return places along a lane, about `step` apart in at least so many pieces; None for those that its bends need."""
@@ -66,10 +102,3 @@ def sample_lane(roads: Roads, lane: int, step: float | None = None, least: int =
     figures = take_at(np.column_stack([line, roads.border[rows], roads.bank[rows]]), arcs)
     points = figures[:, :3].copy()
     return LaneSample(points, across(points), figures[:, 3:5], figures[:, 5:])
-
-
-def beside(points: FloatArray, side: FloatArray, offset: FloatArray, bank: FloatArray, i: int) -> FloatArray:
-    """Return places to the left (0) or to the right (1) of a line, on the plane of its bank."""
-    sign = 1.0 if i == 0 else -1.0
-    signed = (sign * offset)[:, None]
-    return np.column_stack([points[:, :2] + signed * side, points[:, 2] + signed[:, 0] * bank])

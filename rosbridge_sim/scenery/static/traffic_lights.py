@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.mesh import Colour, Label, Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.solids import box, column, disc, turned
+from rosbridge_sim.scenery.solids import box, column, disc, join, turned
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
@@ -68,8 +68,7 @@ def add_lights(builder: MeshBuilder, lights: Sequence[Light], cover: RoadCover, 
     if not lights:
         return
     place = np.array([(light.x, light.y, light.z) for light in lights])
-    yaw = np.array([light.yaw for light in lights])
-    facing, left = _axes(yaw)
+    facing, left = _axes(np.array([light.yaw for light in lights]))
     for light, at, ahead in zip(lights, place, facing, strict=True):
         num = len(_lamps_of(light))
         size = WALK_LENS / LENS if light.is_pedestrian else 1.0
@@ -77,8 +76,7 @@ def add_lights(builder: MeshBuilder, lights: Sequence[Light], cover: RoadCover, 
         low, high = (-DEPTH, -half, -0.21 * size), (0.0, half, 0.21 * size)
         if light.is_pedestrian:
             low, high = (-DEPTH, -0.21 * size, -half), (0.0, 0.21 * size, half)
-        vertices, triangles = box(low, high)
-        builder.add(turned(vertices, ahead[:2]) + at, triangles, HOUSING, Label.TRAFFIC_LIGHT)
+        builder.add_solid(box(low, high), at, HOUSING, Label.TRAFFIC_LIGHT, way=ahead[:2])
     _add_poles(builder, place, facing, left, cover=cover, terrain=terrain)
 
 
@@ -111,13 +109,11 @@ def _add_poles(
         reach = float(np.hypot(*(behind[k, :2] - same[:2])))
         if reach > POLE:
             way = (behind[k, :2] - same[:2]) / reach
-            vertices, triangles = box((0.0, -ARM, -ARM), (reach, ARM, ARM))
-            arm = turned(vertices, way) + np.array([*same[:2], place[k, 2] + 0.1])
-            builder.add(arm, triangles, STEEL, Label.POLE)
+            arm, at = box((0.0, -ARM, -ARM), (reach, ARM, ARM)), (*same[:2], place[k, 2] + 0.1)
+            builder.add_solid(arm, at, STEEL, Label.POLE, way=way)
     for x, y, top in poles:
         floor = float(terrain.height(np.array([[x, y]]))[0])
-        vertices, triangles = column(POLE, floor - 0.2, top, 8)
-        builder.add(vertices + np.array([x, y, 0.0]), triangles, STEEL, Label.POLE)
+        builder.add_solid(column(POLE, floor - 0.2, top, 8), (x, y, 0.0), STEEL, Label.POLE)
 
 
 class SignalLamps:
@@ -128,7 +124,7 @@ class SignalLamps:
     """
 
     def __init__(self, plan: SignalPlan, origin: FloatArray) -> None:
-        rows, lamps, parts, triangles, num = [], [], [], [], 0
+        rows, lamps, discs = [], [], []
         for row, light in enumerate(plan.lights):
             lenses = _lamps_of(light)
             (ahead,), (left,) = _axes(np.array([light.yaw]))
@@ -139,15 +135,12 @@ class SignalLamps:
                 shift = pitch * (k - 0.5 * (len(lenses) - 1))
                 aside, up = (0.0, -shift) if light.is_pedestrian else (shift, 0.0)
                 middle = np.array([light.x, light.y, light.z]) + 0.02 * ahead - aside * -left + (0.0, 0.0, up)
-                parts.append(middle + turned(vertices, ahead[:2]))
-                triangles.append(faces + num)
-                num += len(vertices)
+                discs.append((middle + turned(vertices, ahead[:2]), faces))
                 rows += [row] * len(faces)
                 lamps += [lamp] * len(faces)
         self._origin = origin
-        places = np.concatenate(parts) if parts else np.zeros((0, 3))
+        places, self._triangles = join((np.zeros((0, 3)), np.zeros((0, 3), np.int32)), *discs)
         self._vertices = (places - origin).astype(np.float32)
-        self._triangles = np.concatenate(triangles).astype(np.int32) if triangles else np.zeros((0, 3), np.int32)
         self._row, self._lamp = np.array(rows, dtype=np.int64), np.array(lamps, dtype=np.int64)
         self._bright = np.array([_LIT.get(lamp, _GREEN) for lamp in lamps], dtype=np.uint8).reshape(-1, 3)
         self._dark = np.array([_DARK.get(lamp, _DARK_GREEN) for lamp in lamps], dtype=np.uint8).reshape(-1, 3)
