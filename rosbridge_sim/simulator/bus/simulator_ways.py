@@ -22,36 +22,34 @@ from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings, split_prefix
 
-
-def _publishing(*names: str) -> tuple[Way, ...]:
-    return tuple(Way(Use.PUBLISH, name) for name in names)
+_VERBS: Final = {"publish": Use.PUBLISH, "hear": Use.SUBSCRIBE, "call": Use.SERVICE}
 
 
-def _hearing(*names: str) -> tuple[Way, ...]:
-    return tuple(Way(Use.SUBSCRIBE, name) for name in names)
+def _ways(text: str) -> tuple[Way, ...]:
+    """Return the ways in a text: each name is for the verb that stands before it."""
+    found, use = [], Use.PUBLISH
+    for word in text.split():
+        use = _VERBS.get(word, use)
+        if word not in _VERBS:
+            found.append(Way(use, word))
+    return tuple(found)
 
 
-def _calling(*names: str) -> tuple[Way, ...]:
-    return tuple(Way(Use.SERVICE, name) for name in names)
-
-
-_LOADS: Final = (*_publishing("/ScenarioLoad"), *_calling("/Service_MoraiSL", "/SyncModeScenarioLoad"))
-_REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"))
-_RESET: Final = (*_publishing("/sim/reset"), *_calling("/sim/reset"))
-_RESTORE: Final = _calling("/sim/restore")
-_EVENT: Final = _calling("/Service_MoraiEventCmd")
-_PLACE: Final = _publishing("/ego_setting")
-_BARRIER: Final = _calling("/sim/barrier/join", "/sim/barrier/leave")
-_SET: Final = _calling("/sim/set")
-_COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
-_TICK: Final = _calling("/SyncModeWaitForTick")
-_STEP: Final = _calling("/sim/step")
-_SCENE: Final = (*_hearing("/sim/scene/state", "/sim/scene/view"), *_calling("/sim/describe"))
-_MARKERS: Final = _hearing("/sim/scene/objects")
-_SEEN: Final = _hearing(
-    *("/image_jpeg/compressed", "/image_jpeg/boxes", "/image_jpeg/detections_2d", "/image_jpeg/detections_3d"),
-    *("/lidar3D", "/lidar2D", "/radar"),
+_LOADS: Final = "publish /ScenarioLoad call /Service_MoraiSL /SyncModeScenarioLoad"
+_REPLAYS: Final = "publish /ReplayInfo_topic call /Morai_SimProc"
+_RESET: Final = "publish /sim/reset call /sim/reset"
+_RESTORE: Final = "call /sim/restore"
+_EVENT: Final = "call /Service_MoraiEventCmd"
+_SET: Final = "publish /ego_setting call /sim/set"
+_TICK: Final = "call /SyncModeWaitForTick /sim/step"
+_BARRIER: Final = "call /sim/barrier/join /sim/barrier/leave"
+_SCENE: Final = "hear /sim/scene/state /sim/scene/view call /sim/describe"
+_MARKERS: Final = f"hear /sim/scene/objects {_SCENE}"
+_SEEN: Final = (
+    "hear /image_jpeg/compressed /image_jpeg/boxes /image_jpeg/detections_2d /image_jpeg/detections_3d"
+    " /lidar3D /lidar2D /radar"
 )
+_SEEN_WAYS: Final = _ways(_SEEN)
 
 _SENSOR_TYPES: Final = frozenset(
     {
@@ -63,108 +61,79 @@ _SENSOR_TYPES: Final = frozenset(
 """Types that say what cameras, lidars and radars see."""
 
 _SAME: Final = (
-    _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
-    _hearing("/ctrl_cmd", "/ctrl_cmd_0"),
-    _LOADS,
-    (*_publishing("/SyncModeAddObj"), *_calling("/SyncModeAddObject")),
-    (*_publishing("/SyncModeRemoveObj"), *_calling("/SyncModeRemoveObject")),
-    _RESET,
-    (*_hearing("/sim/score"), *_calling("/sim/score")),
-    (*_hearing("/sim/state_hash"), *_calling("/sim/state_hash")),
-    (*_hearing("/sim/scene/map"), *_calling("/sim/map", "/sim/scene/mesh")),
-    _hearing("/lidar3D", "/velodyne_points"),
+    _ways("publish /ctrl_cmd /ctrl_cmd_0"),
+    _ways("hear /ctrl_cmd /ctrl_cmd_0"),
+    _ways(_LOADS),
+    _ways("publish /SyncModeAddObj call /SyncModeAddObject"),
+    _ways("publish /SyncModeRemoveObj call /SyncModeRemoveObject"),
+    _ways(_RESET),
+    _ways("hear /sim/score call /sim/score"),
+    _ways("hear /sim/state_hash call /sim/state_hash"),
+    _ways("hear /sim/scene/map call /sim/map /sim/scene/mesh"),
+    _ways("hear /lidar3D /velodyne_points"),
 )
 """Each row: default names of one topic or service."""
 
 _SAME_AS: Final = {way: row for row in _SAME for way in row}
 
+
+def _effect(what: str, ways: str, also: str = "") -> PolicyEffect:
+    return PolicyEffect(what, _ways(ways), _ways(also))
+
+
 _EFFECTS: Final = (
-    PolicyEffect(
+    _effect(
         "move an ego",
-        (
-            *_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd", "/cmd_vel", "/ackermann_cmd"),
-            *_PLACE,
-            *_calling("/SyncModeCtrlCmd"),
-            *_STEP,
-            *_SET,
-        ),
-        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),  # the event service can make an ego drive itself
+        "publish /ctrl_cmd /ctrl_cmd_0 /ghost_ctrl_cmd /cmd_vel /ackermann_cmd /ego_setting"
+        " call /SyncModeCtrlCmd /sim/step /sim/set",
+        f"{_EVENT} {_REPLAYS} {_LOADS} {_RESET} {_RESTORE}",  # the event service can make an ego drive itself
     ),
-    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), (*_PLACE, *_SET)),
-    PolicyEffect("choose who drives an ego", _EVENT, (*_PLACE, *_SET)),
-    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), (*_PLACE, *_SET)),
-    PolicyEffect(
+    _effect("shift an ego's gear", f"call /SyncModeSetGear {_EVENT}", _SET),
+    _effect("choose who drives an ego", _EVENT, _SET),
+    _effect("switch an ego's lamps", f"publish /lamps {_EVENT}", _SET),
+    _effect(
         "add, move or remove others",
-        (
-            *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
-            *_calling("/SyncModeAddObject", "/SyncModeRemoveObject"),
-            *_COME_AND_GO,
-            *_SET,
-        ),
-        (*_PLACE, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),
+        "publish /NpcGhost_Topic /SyncModeAddObj /SyncModeRemoveObj"
+        " call /SyncModeAddObject /SyncModeRemoveObject /sim/spawn /sim/remove /sim/set",
+        f"publish /ego_setting {_REPLAYS} {_LOADS} {_RESET} {_RESTORE}",
     ),
-    PolicyEffect("put another scene in place", (*_LOADS, *_RESET, *_RESTORE), _REPLAYS),
-    PolicyEffect("replay a recording", _REPLAYS, _RESTORE),
-    PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET, *_RESTORE)),
-    PolicyEffect(
+    _effect("put another scene in place", f"{_LOADS} {_RESET} {_RESTORE}", _REPLAYS),
+    _effect("replay a recording", _REPLAYS, _RESTORE),
+    _effect("set traffic lights", "publish /SetTrafficLight /InsnControl", f"{_LOADS} {_RESET} {_RESTORE}"),
+    _effect(
         "stop time or let it go on",
-        (
-            *_EVENT,
-            *_publishing("/sim/pause"),
-            *_calling("/SyncModeCmd"),
-            *_TICK,
-            *_STEP,
-            *_calling("/sim/real_time_factor"),
-            *_BARRIER,
-        ),
-        (*_LOADS, *_calling("/Morai_SimProc")),
+        f"{_EVENT} publish /sim/pause call /SyncModeCmd {_TICK} call /sim/real_time_factor {_BARRIER}",
+        f"{_LOADS} call /Morai_SimProc",
     ),
-    PolicyEffect("keep or remove snapshots", _calling("/sim/snapshot", "/sim/snapshots")),
-    PolicyEffect(
-        "add, move or remove an ego's sensors", (*_publishing("/SensorPosControl"), *_calling("/sim/sensors"))
-    ),
+    _effect("keep or remove snapshots", "call /sim/snapshot /sim/snapshots"),
+    _effect("add, move or remove an ego's sensors", "publish /SensorPosControl call /sim/sensors"),
     # A sensor can be added on another topic, and a snapshot may bring one.
-    PolicyEffect("see what cameras, lidars and radars see", _SEEN, (*_calling("/sim/sensors"), *_RESTORE)),
-    PolicyEffect("set the weather", _calling("/sim/weather"), (*_RESET, *_RESTORE)),
-    PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
-    PolicyEffect(
+    _effect("see what cameras, lidars and radars see", _SEEN, f"call /sim/sensors {_RESTORE}"),
+    _effect("set the weather", "call /sim/weather", f"{_RESET} {_RESTORE}"),
+    _effect("save sensor data", "publish /SaveSensorData", "call /SyncModeCtrlCmd"),
+    _effect(
         "learn where an ego is",
-        _hearing("/Ego_topic", "/tf", "/gps", "/imu", "/odom", "/fix"),
-        (
-            *_MARKERS,
-            *_SCENE,
-            *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
-            *_TICK,
-            *_STEP,
-        ),
+        "hear /Ego_topic /tf /gps /imu /odom /fix",
+        f"{_MARKERS} hear /Object_topic /CollisionData /VehicleCollisionData /ReplayInfo_topic {_TICK}",
     ),
-    PolicyEffect(
+    _effect(
         "learn where others are",
-        _hearing("/Object_topic"),
-        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_MARKERS, *_SCENE, *_SEEN, *_STEP),
+        "hear /Object_topic",
+        f"hear /CollisionData /VehicleCollisionData /ReplayInfo_topic {_MARKERS} {_SEEN} call /sim/step",
     ),
-    PolicyEffect(
-        "learn of collisions",
-        _hearing("/CollisionData", "/VehicleCollisionData", "/sim/collisions"),
-        (*_SCENE, *_STEP),
+    _effect(
+        "learn of collisions", "hear /CollisionData /VehicleCollisionData /sim/collisions", f"{_SCENE} call /sim/step"
     ),
-    PolicyEffect(
+    _effect(
         "learn what traffic lights show",
-        (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
-        (*_MARKERS, *_SCENE),
+        "hear /GetTrafficLightStatus /InsnStatus /IntscnTL_topic call /Morai_TLSrv",
+        _MARKERS,
     ),
-    PolicyEffect(
+    _effect(
         "learn the simulated time",
-        (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (
-            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier", "/sim/collisions", "/sim/drivers"),
-            *_MARKERS,
-            *_SCENE,
-            *_calling("/SyncModeCmd", "/sim/state_hash"),
-            *_BARRIER,
-            *_TICK,
-            *_STEP,
-        ),
+        "hear /clock call /rosapi/get_time",
+        "hear /SyncModeInfo /sim/state_hash /sim/barrier /sim/collisions /sim/drivers"
+        f" {_MARKERS} call /SyncModeCmd /sim/state_hash {_BARRIER} {_TICK}",
     ),
 )
 """Effects, and knowledge, that several topics or services give; by default names."""
@@ -219,7 +188,7 @@ class SimulatorWays:
             return
         items = [item for item in self._items.listing() if item.is_on]
         names = {(item.kind, item.default): item.name for item in items}
-        seen = _hearing(*[item.name for item in items if item.type_name in _SENSOR_TYPES])
+        seen = [Way(Use.SUBSCRIBE, item.name) for item in items if item.type_name in _SENSOR_TYPES]
 
         def named(ways: tuple[Way, ...]) -> tuple[Way, ...]:
             found = [
@@ -227,9 +196,9 @@ class SimulatorWays:
                 for use, default in ways
                 if (_KINDS[use], default) in names or default.startswith("/rosapi/")
             ]
-            if ways == _SEEN:  # a sensor may be added on these
-                found = list(_SEEN)
-            sensors = seen if set(_SEEN) <= set(ways) else ()  # they may have topics of any names
+            if ways == _SEEN_WAYS:  # a sensor may be added on these
+                found = list(_SEEN_WAYS)
+            sensors = seen if set(_SEEN_WAYS) <= set(ways) else ()  # they may have topics of any names
             return tuple(dict.fromkeys((*sensors, *found)))
 
         for effect in _EFFECTS:
