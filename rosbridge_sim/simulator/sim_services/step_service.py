@@ -35,7 +35,7 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.scene.scene_commands import ControlEgo, SceneCommand
-from rosbridge_sim.simulator.sim_services.step_events import StopConditions, StopWatch, read_conditions
+from rosbridge_sim.simulator.sim_services.step_events import StopWatch, has_conditions
 from rosbridge_sim.suggestions import hint
 
 MAX_STEPS: Final = 1_000
@@ -270,8 +270,7 @@ class StepService(Component):
             raise FieldError(f"n: expected 1 to {MAX_STEPS:,} steps, got {request.n}")
         commands = self._read_commands(request, call)
         samples = self._find_topics(request.topics, call.caller)
-        conditions = read_conditions(request)
-        watch = None if conditions is None else self._watch(conditions)
+        watch = self._watch(request) if has_conditions(request) else None
         return _StepCall(self, call, _Plan(request.n, commands, samples, watch))
 
     def _read_commands(self, request: Any, call: Call) -> list[_Commands]:  # noqa: ANN401 - as above
@@ -317,6 +316,6 @@ class StepService(Component):
             samples.append(_Sample(name, publisher))
         return samples
 
-    def _watch(self, conditions: StopConditions) -> StopWatch:
+    def _watch(self, request: Struct) -> StopWatch:
         egos = self.context.egos
-        return StopWatch(conditions, self.context.world, lambda: [ego.uid for ego in egos if ego.is_there])
+        return StopWatch(request, self.context.world, lambda: [ego.uid for ego in egos if ego.is_there])
