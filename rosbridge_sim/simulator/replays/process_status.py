@@ -1,4 +1,4 @@
-"""The topic with the state of the simulation process: `/sim/process/state/msg/MoraiSimProcStatus`."""
+"""Topics with the state of the simulation process as MORAI has it, and with the position of a replay: `/sim/replay`."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ from rosbridge_sim.simulator.replays.replay_command import ReplayResult
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
 STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
+POSITION: Final = "/sim/replay"
+
+RATE: Final = 10.0
+"""Messages of `POSITION` in a second of simulated time: a slider moves smoothly enough."""
 
 _SIMULATION_MODE, _REPLAY_MODE = 1, 16
 _RUNNING, _PAUSED, _ENDED = 1, 16, 32
 
 
 class ProcessStatus:
-    """Publisher of the process status, latched; it publishes when the status changes.
+    """Publisher of the process status, latched, when it changes; and of the position of a replay.
 
     Attributes:
         is_held: publish nothing, because a command is being carried out and only its result matters.
@@ -39,12 +43,17 @@ class ProcessStatus:
         self._make_status = process.context.maker(
             "morai_msgs/MoraiSimProcStatus", "header latest_command_time command_result current_mode current_status"
         )
+        self._make_position = process.context.maker(
+            "rosbridge_sim_msgs/Replay", "header state name duration position speed targets"
+        )
 
     def publish(self, publishers: Publishers) -> None:
-        """Advertise the topic; its first message is there from the start."""
+        """Advertise the topics; the first status is there from the start."""
         self._publishers = publishers
         self._publisher = publishers.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
         self._published = self._status()
+        make, version = self._position_message, self._position
+        publishers.add(POSITION, "rosbridge_sim_msgs/Replay", make, rate=RATE, is_sampled=True, version=version)
 
     def begin_command(self) -> None:
         """Note the time of a command; it is published with the next change."""
@@ -109,3 +118,16 @@ class ProcessStatus:
         status = _PAUSED if self._sync.is_paused else _RUNNING
         mode = _SIMULATION_MODE if state is ReplayState.SIMULATING else _REPLAY_MODE
         return self._result.value, mode, _ENDED if state is ReplayState.AT_END else status, self._commanded_ns
+
+    def _position_message(self) -> Struct:
+        return self._make_position(self._context.convert.header(self._context.world.frame), *self._position())
+
+    def _position(self) -> tuple[object, ...]:
+        """Return the fields of the position's message behind the header."""
+        state, playback = self._process.state, self._process.playback
+        if state not in {ReplayState.REPLAYING, ReplayState.AT_END}:
+            return "none", "", 0.0, 0.0, 0, 0
+        word = "ended" if state is ReplayState.AT_END else "paused" if self._sync.is_paused else "playing"
+        recording = playback.recording
+        times = recording.duration_ns / 1e9, playback.shown_ns / 1e9
+        return word, recording.name, *times, playback.speed, playback.targets

@@ -127,13 +127,12 @@ class RecordingBuilder:
         angle = getattr(message, "wheel_angle", None)
         # The field with the newer name is in degrees in any profile.
         steer = getattr(message, "front_steer_angle", 0.0) / DEGREES if angle is None else angle / factor
-        self._add_ego(
-            index,
-            stamps,
-            (place.x, place.y, place.z, 0.0, 0.0, message.heading),
-            (velocity.x, velocity.y, velocity.z, accel.x, accel.y, accel.z, math.nan),
-            (steer, message.accel, message.brake),
+        figures = (
+            *(place.x, place.y, place.z, 0.0, 0.0, message.heading),
+            *(velocity.x, velocity.y, velocity.z, accel.x, accel.y, accel.z, math.nan),
+            *(steer, message.accel, message.brake),
         )
+        self._add_ego(index, stamps, figures)
 
     def take_pedals(self, message: Any, stamps: MessageStamps) -> None:  # noqa: ANN401 - whatever has the fields
         """Take the first ego of a ReplayInfo: its pedals and orientation. The message holds no position.
@@ -147,14 +146,12 @@ class RecordingBuilder:
         self._without_position.add(0)
         turn, accel = message.orientation, message.linear_acceleration
         roll, pitch, yaw = _angles(turn.x, turn.y, turn.z, turn.w)
-        nowhere = math.nan
-        self._add_ego(
-            0,
-            stamps,
-            (nowhere, nowhere, nowhere, roll, pitch, yaw),
-            (0.0, 0.0, 0.0, accel.x, accel.y, accel.z, message.angular_velocity.z),
-            (message.ego_steer / DEGREES, message.ego_acc, message.ego_brake),
+        figures = (
+            *(math.nan, math.nan, math.nan, roll, pitch, yaw),
+            *(0.0, 0.0, 0.0, accel.x, accel.y, accel.z, message.angular_velocity.z),
+            *(message.ego_steer / DEGREES, message.ego_acc, message.ego_brake),
         )
+        self._add_ego(0, stamps, figures)
 
     def take_objects(self, message: Any, stamps: MessageStamps) -> None:  # noqa: ANN401 - whatever has the fields
         """Take the lists of an ObjectStatusList or ReplayInfo.
@@ -175,12 +172,8 @@ class RecordingBuilder:
                     continue
                 velocity, accel, size, place = one.velocity, one.acceleration, one.size, one.position
                 who.append((one.unique_id, kind, one.name))
-                figures.extend(
-                    (
-                        *(one.heading, velocity.x, velocity.y, velocity.z, accel.x, accel.y, accel.z),
-                        *(size.x, size.y, size.z, place.x, place.y, place.z),
-                    )
-                )
+                figures.extend((one.heading, velocity.x, velocity.y, velocity.z, accel.x, accel.y, accel.z))
+                figures.extend((size.x, size.y, size.z, place.x, place.y, place.z))
         self.take_sample(who, figures.tobytes(), stamps)
 
     def take_sample(self, who: Sequence[tuple[int, Kind, str]], figures: bytes, stamps: MessageStamps) -> None:
@@ -212,20 +205,12 @@ class RecordingBuilder:
         if len(self._notes) < MAX_NOTES:
             self._notes.append(" ".join(printable(text, MAX_NOTE).split()))
 
-    def _add_ego(
-        self,
-        index: int,
-        stamps: MessageStamps,
-        pose: tuple[float, ...],
-        motion: tuple[float, ...],
-        controls: tuple[float, ...],
-    ) -> None:
+    def _add_ego(self, index: int, stamps: MessageStamps, figures: Sequence[float]) -> None:
         """Add a row in the order of `EGO_COLUMNS`."""
         rows = self._egos.setdefault(index, _Rows(len(EGO_COLUMNS)))
         rows.header_stamps.append(stamps[0])
         rows.arrival_stamps.append(stamps[1])
-        for figures in (pose, motion, controls):
-            rows.figures.extend(figures)
+        rows.figures.extend(figures)
         self._check_size(len(rows.header_stamps))
 
     def _check_size(self, num: int) -> None:

@@ -27,7 +27,6 @@ from rosbridge_sim.simulator.replays.process_status import ProcessStatus
 from rosbridge_sim.simulator.replays.recorded_drive import Recording, from_plain, to_plain
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
-from rosbridge_sim.simulator.replays.replay_status import ReplayStatus
 from rosbridge_sim.simulator.replays.replayed_plans import ReplayedPlans
 from rosbridge_sim.simulator.replays.state_machine import ReplayEvent, ReplayState
 
@@ -60,7 +59,6 @@ class Replay(Component):
         self._process = ReplayProcess(context, self._playback)
         self._status = ProcessStatus(self._process)
         self._process.on_event.append(self._status.announce)
-        self._position = ReplayStatus(self._process)
         self._service = ProcessService(self._process, self._status, recordings)
         self._info = ReplayInfoPublisher(self._process, is_showing_drives=is_showing_drives)
         self._network = NetworkReplay(self._process, self._info)
@@ -85,7 +83,6 @@ class Replay(Component):
         """Publish the replay and the state of the process."""
         self._info.publish(publishers)
         self._status.publish(publishers)
-        self._position.publish(publishers)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Take commands and network replay."""
