@@ -156,7 +156,7 @@ class InterfaceRegistry:
         self._elsewhere: set[tuple[InterfaceKind, str]] = set()
         self._is_open = False
 
-    def add(self, item: Interface, *, is_everywhere: bool = True, now: float = 0.0) -> None:
+    def add(self, item: Interface, *, is_everywhere: bool = True) -> None:
         """Add an item, and put it on the bus if the registry is open.
 
         Args:
@@ -169,12 +169,11 @@ class InterfaceRegistry:
             TypeNameError: there is no such type.
         """
         store, is_service = self._bus.store, item.kind is InterfaceKind.SERVICE
-        find = store.service if is_service else store.message
         try:
             # The error of a missing type would look for the nearest name, which is for users alone.
             is_there = is_everywhere or store.has(item.type_name, "srv" if is_service else "msg")
             if is_there:
-                find(item.type_name)
+                (store.service if is_service else store.message)(item.type_name)
         except TypeNameError:
             if is_everywhere:
                 raise
@@ -183,7 +182,7 @@ class InterfaceRegistry:
             self._elsewhere.add((item.kind, item.default))
             return
         if self._is_open:
-            self._place(item, self.settings, now)
+            self._place(item, self.settings, 0.0)
         self._items.append(item)
 
     def open(self) -> None:

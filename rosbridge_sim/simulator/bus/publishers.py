@@ -80,13 +80,7 @@ class Publishers:
         bus.on_topic.append(self._note_newcomer)
 
     def add(
-        self,
-        name: str,
-        type_name: str,
-        make: Callable[[], Any],
-        *,
-        is_everywhere: bool = True,
-        **options: Unpack[PublisherOptions],
+        self, name: str, type_name: str, make: Callable[[], Any], **options: Unpack[PublisherOptions]
     ) -> PeriodicPublisher:
         """Publish a topic with every frame, or at a rate; a further ego's topic has the rate of the first ego's.
 
@@ -94,7 +88,6 @@ class Publishers:
             name: default name.
             make: returns the struct of the world's current state, or None if there is nothing to publish; called at
                 most once a frame.
-            is_everywhere: every release has the type. If false, nothing is published where a release lacks it.
             options: see there.
 
         Returns:
@@ -105,7 +98,7 @@ class Publishers:
         """
         publisher = PeriodicPublisher(name, type_name, make, **options)
         publisher.limit(_max_rate(self._factor))
-        self._items.add(publisher, is_everywhere=is_everywhere)
+        self._items.add(publisher)
         if publisher.version is not None:
             self._for_viewers.append(publisher)
         if publisher.is_in_frames:

@@ -52,6 +52,9 @@ _ALL_BITS: Final = _MODE_BIT | _GEAR_BITS | _LAMP_BIT | _PAUSE_BIT
 MAX_IDS_LISTED: Final = 20
 """Largest number of ids in one status."""
 
+_ReadObject = Callable[[Struct, Participant, str], SceneCommand]
+"""Returns the command of a message about an object, from a sender, at a topic or service."""
+
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
@@ -74,14 +77,13 @@ class Services(Component):
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
         bindings.provide("sim/reset", "rosbridge_sim_msgs/Reset", self._reset)
         # A release has either the topics or the services of these.
-        bindings.listen("SyncModeAddObj", "SyncModeAddObj", partial(self._hear_add, bindings), is_everywhere=False)
-        bindings.listen(
-            "SyncModeRemoveObj", "SyncModeRemoveObj", partial(self._hear_remove, bindings), is_everywhere=False
-        )
-        bindings.provide("SyncModeAddObject", "MoraiSyncModeAddObjectSrv", self._add_object, is_everywhere=False)
-        bindings.provide(
-            "SyncModeRemoveObject", "MoraiSyncModeRemoveObjectSrv", self._remove_object, is_everywhere=False
-        )
+        for topic, service, read in (
+            ("SyncModeAddObj", "SyncModeAddObject", self._read_add),
+            ("SyncModeRemoveObj", "SyncModeRemoveObject", self._read_remove),
+        ):
+            hear = partial(self._hear_object, partial(bindings.topic, topic), read)
+            bindings.listen(topic, topic, hear, is_everywhere=False)
+            bindings.provide(service, f"Morai{service}Srv", partial(self._change_object, read), is_everywhere=False)
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Offer the services of one ego. There is one synchronous mode, so a tick through any ego moves the world."""
@@ -195,25 +197,27 @@ class Services(Component):
         command = read() if sync.is_on else SceneCommand(None, "", caller.notify)  # it will be refused
         return sync.submit(command, frame, self._context.world.frame, caller, now)
 
-    def _add_object(self, call: Call, now: float) -> None:
+    def _change_object(self, read: _ReadObject, call: Call, now: float) -> None:
         request = request_of(call)
-        self._queue(call, lambda: self._read_add(request, call.caller, call.service.name), request.frame, now)
+        self._queue(call, lambda: read(request, call.caller, call.service.name), request.frame, now)
 
-    def _remove_object(self, call: Call, now: float) -> None:
-        request = request_of(call)
-        self._queue(call, lambda: self._read_remove(request, call.caller, call.service.name), request.frame, now)
+    def _hear_object(
+        self, name_of: Callable[[], str], read: _ReadObject, request: Struct, sender: Participant, now: float
+    ) -> None:
+        """Submit a command from a topic, which has no answer.
 
-    def _hear_add(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
-        topic = bindings.topic("SyncModeAddObj")
+        Raises:
+            FieldError: a mistake in the message.
+            GraphError: the command cannot wait.
+        """
+        topic = name_of()
         try:
-            command = self._read_add(request, sender, topic)
+            command = read(request, sender, topic)
         except FieldError as error:
             raise FieldError(f"{topic}: {error}") from None
-        self._queue_silently(topic, command, request.frame, sender, now)
-
-    def _hear_remove(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
-        topic = bindings.topic("SyncModeRemoveObj")
-        self._queue_silently(topic, self._read_remove(request, sender, topic), request.frame, sender, now)
+        outcome = self._submit(lambda: command, request.frame, sender, now)
+        if not outcome.is_accepted:
+            raise GraphError(f"{topic}: {outcome.why}", reason=outcome.reason)
 
     def _read_add(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
         catalogue = self._context.scene.catalogue
@@ -230,16 +234,6 @@ class Services(Component):
 
     def _read_remove(self, request: Struct, sender: Participant, where: str) -> SceneCommand:
         return SceneCommand(RemoveObject(request.unique_id), where, sender.notifier())
-
-    def _queue_silently(self, topic: str, command: SceneCommand, frame: int, sender: Participant, now: float) -> None:
-        """Submit a command from a topic, which has no answer.
-
-        Raises:
-            GraphError: the command cannot wait.
-        """
-        outcome = self._submit(lambda: command, frame, sender, now)
-        if not outcome.is_accepted:
-            raise GraphError(f"{topic}: {outcome.why}", reason=outcome.reason)
 
     # Real time
 

@@ -100,20 +100,16 @@ class SceneMesh(Component):
             call.fail(FieldError(text))
             return
         page = mesh.pages[request.page]
-        x, y, z = page.middle
-        scale_x, scale_y, scale_z = page.scale
+        places = dict(zip("xyz", page.middle, strict=True))
+        scales = dict(zip(("scale_x", "scale_y", "scale_z"), page.scale, strict=True))
         call.respond(
             result=True,
             digest=mesh.digest,
             map_digest=self._road_services.drawing.digest,
             page=request.page,
             num_pages=len(mesh.pages),
-            x=x,
-            y=y,
-            z=z,
-            scale_x=scale_x,
-            scale_y=scale_y,
-            scale_z=scale_z,
+            **places,
+            **scales,
             num_vertices=page.num_vertices,
             num_triangles=page.num_triangles,
             palette=page.palette,

@@ -18,6 +18,7 @@ from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
+from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from tests.simulator.sim_harness import Client, SimHarness, make_store, network_settings, put_egos
@@ -405,7 +406,7 @@ def test_name_of_a_rosapi_service_is_refused_at_the_start() -> None:
 def test_type_missing_in_a_release_has_no_interface_and_its_settings_are_ignored() -> None:
     rig = RegistryFixture(services={"/new": {"name": "/n"}}, publishers={"/newer": {"rate": 5}})
     rig.bindings.provide("new", "OnlyThereSrv", rig.keep, is_everywhere=False)
-    rig.outputs.add("/newer", "morai_msgs/OnlyThere", rig.count, is_everywhere=False)
+    rig.items.add(PeriodicPublisher("/newer", "morai_msgs/OnlyThere", rig.count), is_everywhere=False)
     rig.items.open()
     assert rig.names() == {"/out", "/news", "/in", "/ask", "/tell"}
     rig.show()
