@@ -16,16 +16,8 @@ from typing import Any, Final
 
 try:
     import resource  # imported at the start, because the import needs a descriptor
-except ImportError:  # Windows does not have it
-
-    def _most() -> int | None:
-        """Return None: the number of descriptors has no limit that could be read."""
-        return None
-else:
-
-    def _most() -> int | None:
-        """Return None: the limit of descriptors cannot be read here."""
-        return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+except ImportError:  # Windows does not have it, and the number of descriptors has no limit that could be read
+    resource = None  # type: ignore[assignment] # as asked below
 
 
 CHECK_PERIOD: Final = 1.0
@@ -95,5 +87,4 @@ def _limit_of(error: OSError) -> str:
     """Return the reached limit in words."""
     if error.errno == errno.ENFILE:
         return " on this machine"
-    most = _most()
-    return "" if most is None else f" (this process may have {most:,})"
+    return f" (this process may have {resource.getrlimit(resource.RLIMIT_NOFILE)[0]:,})" if resource else ""

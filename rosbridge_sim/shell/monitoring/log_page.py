@@ -54,19 +54,7 @@ class LogPage(logging.Handler):
         Args:
             has_warnings: whether the asking program may read the log.
         """
-        refusals = [
-            {
-                "time": round(noted.stamp_ns * 1e-9, 3),
-                "frame": noted.frame,
-                "client": noted.request.client,
-                "reason": noted.request.reason.value,
-                "op": noted.request.op,
-                "subject": noted.request.subject,
-                "text": noted.request.text,
-                "count": noted.count,
-            }
-            for noted in self._refusals.kept()
-        ]
+        refusals = [{"time": round(noted.stamp_ns * 1e-9, 3), **noted.fields()} for noted in self._refusals.kept()]
         warnings = list(self._warnings) if has_warnings else []
         page = {"total_refusals": self._refusals.total, "refusals": refusals, "warnings": warnings}
         return f"{json.dumps(page)}\n".encode()

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from prometheus_client import CollectorRegistry
-    from prometheus_client.metrics_core import Metric
+    from prometheus_client.metrics_core import CounterMetricFamily, GaugeMetricFamily, Metric
 
 FRAME_BOUNDS: Final = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
 """Upper bounds of the histogram [s]: from an empty scene (0.1 ms) to more than a frame may take in real time (20 ms).
@@ -110,24 +110,18 @@ class Metrics:
         import prometheus_client as text  # noqa: PLC0415 - see the head of this file
         from prometheus_client.openmetrics import exposition as openmetrics  # noqa: PLC0415
 
-        registry = self._open_registry()
+        registry = self._registry
+        if registry is None:
+            registry = self._registry = text.CollectorRegistry()
+            registry.register(self)
+            text.ProcessCollector(registry=registry)  # memory, CPU time and descriptors of the whole process
+            if self._node is not None:
+                self._node.context.stepper.meter = self.frames
         # The library's own choice fails if a program asks for a version that is not a number.
         if OPENMETRICS in (kind.partition(";")[0].strip().lower() for kind in accept.split(",")):
             body: bytes = openmetrics.generate_latest(registry)  # type: ignore[no-untyped-call] # it has no types
             return body, f"{OPENMETRICS}; version=1.0.0; charset=utf-8"
         return text.generate_latest(registry), "text/plain; version=0.0.4; charset=utf-8"
-
-    def _open_registry(self) -> CollectorRegistry:
-        """Create the registry and start the histogram at the first call."""
-        if self._registry is None:
-            from prometheus_client import CollectorRegistry, ProcessCollector  # noqa: PLC0415 - as above
-
-            self._registry = CollectorRegistry()
-            self._registry.register(self)
-            ProcessCollector(registry=self._registry)  # memory, CPU time and descriptors of the whole process
-            if self._node is not None:
-                self._node.context.stepper.meter = self.frames
-        return self._registry
 
     def describe(self) -> list[Metric]:
         """Return no names. The registry belongs to this simulator alone, so no name can occur twice."""
@@ -135,11 +129,12 @@ class Metrics:
 
     def collect(self) -> Iterator[Metric]:
         """Yield all metrics. The registry calls this."""
-        from prometheus_client.metrics_core import InfoMetricFamily  # noqa: PLC0415 - as above
+        from prometheus_client.metrics_core import GaugeMetricFamily, InfoMetricFamily  # noqa: PLC0415 - as above
 
         yield InfoMetricFamily("rosbridge_sim_build", "Version of the server.", {"version": __version__})
         yield from self._of_clients()
-        yield from self._of_bridges()
+        text, ages = "How old topic messages are when a bridge handles them.", self._ages(self._loop.time())
+        yield _fill(GaugeMetricFamily("rosbridge_sim_bridge_age_seconds", text, labels=["bridge"]), ages)
         yield _counter("faults", "Internal errors of the server, each with a traceback in its log.", self._num_bugs())
         if self._node is not None:
             yield from self._of_world(self._node)
@@ -168,24 +163,9 @@ class Metrics:
         yield _gauge("queue_largest_bytes", "The same for the client with the longest queue.", max(waiting, default=0))
         held = sum(client.num_bytes_held for client in clients)
         yield _gauge("held_bytes", "Memory held for clients, as --client-memory counts it, queues included.", held)
-        refusals = CounterMetricFamily(
-            "rosbridge_sim_refusals", "Requests of clients that were refused, by reason.", labels=["reason"]
-        )
-        for reason, count in self._refusals.counts.items():
-            refusals.add_metric([reason.value], count)
-        yield refusals
-
-    def _of_bridges(self) -> Iterator[Metric]:
-        from prometheus_client.metrics_core import GaugeMetricFamily  # noqa: PLC0415 - as above
-
-        gauge = GaugeMetricFamily(
-            "rosbridge_sim_bridge_age_seconds",
-            "How old topic messages are when a bridge handles them.",
-            labels=["bridge"],
-        )
-        for bridge, age in self._ages(self._loop.time()).items():
-            gauge.add_metric([bridge], age)
-        yield gauge
+        text = "Requests of clients that were refused, by reason."
+        counts = {reason.value: count for reason, count in self._refusals.counts.items()}
+        yield _fill(CounterMetricFamily("rosbridge_sim_refusals", text, labels=["reason"]), counts)
 
     def _of_world(self, node: SimulatorNode) -> Iterator[Metric]:
         from prometheus_client.metrics_core import HistogramMetricFamily  # noqa: PLC0415 - as above
@@ -210,6 +190,13 @@ class Metrics:
             list(zip(bounds, accumulate(self.frames.counts), strict=True)),
             self.frames.total,
         )
+
+
+def _fill(family: GaugeMetricFamily | CounterMetricFamily, values: Mapping[str, float]) -> Metric:
+    """Return a family of metrics with a value for each label."""
+    for label, value in values.items():
+        family.add_metric([label], value)
+    return family
 
 
 def _gauge(name: str, text: str, value: float) -> Metric:

@@ -42,6 +42,9 @@ MAX_CLIENTS: Final = 20
 MAX_KEPT: Final = 10
 """Refusals that are kept of one client, so that a client with many does not hide those of others."""
 
+MAX_COUNT: Final = 2**32 - 1
+"""Largest number that the message's field for equal refusals in a row can hold."""
+
 _log = logging.getLogger("rosbridge_sim.server")
 
 
@@ -76,6 +79,17 @@ class Noted:
     stamp_ns: int
     frame: int
     count: int = 1
+
+    def fields(self, show: Callable[[str], str] = str) -> dict[str, str | int]:
+        """Return what is told of it, beside the time.
+
+        Args:
+            show: writes texts of clients.
+        """
+        request = self.request
+        said = {"client": request.client, "reason": request.reason.value, "op": request.op}
+        texts = {"subject": show(request.subject), "text": show(request.text)}
+        return {"frame": self.frame, **said, **texts, "count": min(self.count, MAX_COUNT)}
 
 
 class RefusalLog:

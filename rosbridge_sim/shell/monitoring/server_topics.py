@@ -47,9 +47,6 @@ REPORT_PERIOD = 1.0
 REFUSALS_INTERVAL = 0.1
 """Shortest time between two messages on /sim/refusals [s]: making a full one takes half a millisecond."""
 
-MAX_COUNT = 2**32 - 1
-"""Largest number that the field for equal refusals in a row can hold."""
-
 _LOG_TYPES = {1: "rosgraph_msgs/Log", 2: "rcl_interfaces/Log"}
 """Type of `/rosout` in each ROS generation; Lichtblick detects the generation by it."""
 
@@ -87,14 +84,15 @@ class ServerTopics(Participant):
         self._loop = loop
         self._ages = ages
         count, connected, clients, log, refused, topics = TOPICS
-        self._count = self._advertise(count, "std_msgs/Int32", depth=1, is_exclusive=True)
-        self._connected = self._advertise(connected, "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True)
-        self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients", is_exclusive=True)
-        self._topics = self._advertise(topics, "rosbridge_sim_msgs/Topics", is_exclusive=True)
+        log_topic = bus.advertise(self, log, _LOG_TYPES[bus.store.ros])
+        self._count = self._advertise(count, "std_msgs/Int32", depth=1)
+        self._connected = self._advertise(connected, "rosbridge_msgs/ConnectedClients", depth=1)
+        self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients")
+        self._topics = self._advertise(topics, "rosbridge_sim_msgs/Topics")
         self._topic_report = TopicReport(bus, policy)
-        self._log = _LogTopic(self, self._advertise(log, _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
+        self._log = _LogTopic(self, log_topic, bus.store.ros, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
-        self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1, is_exclusive=True)
+        self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1)
         self._refusals = RefusalLog(loop) if refusals is None else refusals
         self._refusals.on_change = self._tell_refusals_soon
         log_page = self._log_page = LogPage(self._refusals)
@@ -124,7 +122,7 @@ class ServerTopics(Participant):
 
     def publish(self, topic: Topic, **fields: JsonValue) -> None:
         """Publish a message."""
-        self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
+        self.bus.announce(self, topic, Message(topic.type, topic.type.struct_type(**fields)), self._loop.time())
 
     def tell_clients_soon(self) -> None:
         """Publish the clients in the next turn of the loop, once for all changes in this one."""
@@ -156,17 +154,7 @@ class ServerTopics(Participant):
         store = self.bus.store
         make = store.message("rosbridge_sim_msgs/Refusal").struct_type
         refusals = [
-            make(
-                stamp=store.time_value(noted.stamp_ns),
-                frame=noted.frame,
-                client=noted.request.client,
-                reason=noted.request.reason.value,
-                op=noted.request.op,
-                subject=escape(noted.request.subject),
-                text=escape(noted.request.text),
-                count=min(noted.count, MAX_COUNT),
-            )
-            for noted in self._refusals.kept()
+            make(stamp=store.time_value(noted.stamp_ns), **noted.fields(escape)) for noted in self._refusals.kept()
         ]
         self.publish(self._refused, header=self.stamp(), total=self._refusals.total, refusals=refusals)
 
@@ -175,12 +163,8 @@ class ServerTopics(Participant):
         store = self.bus.store
         return store.message("std_msgs/Header").struct_type(stamp=store.time_value(time.time_ns()))
 
-    def _advertise(self, name: str, type_name: str, *, depth: int = 0, is_exclusive: bool = False) -> Topic:
-        return self.bus.advertise(self, name, type_name, depth=depth, is_exclusive=is_exclusive)
-
-    def _struct(self, topic: Topic) -> type[Struct]:
-        struct_type: type[Struct] = self.bus.store.message(topic.type.name).struct_type
-        return struct_type
+    def _advertise(self, name: str, type_name: str, *, depth: int = 0) -> Topic:
+        return self.bus.advertise(self, name, type_name, depth=depth, is_exclusive=True)
 
     def _tick(self) -> None:
         self._timer = self._loop.call_later(REPORT_PERIOD, self._tick)
@@ -192,7 +176,7 @@ class ServerTopics(Participant):
             self._topic_report.stop()
 
     def _tell_topics(self) -> None:
-        fields = self._topic_report.take(tuple(self._server.clients), self._loop.time())
+        fields = self._topic_report.take([client.outbox for client in self._server.clients], self._loop.time())
         self.publish(self._topics, header=self.stamp(), **fields)
 
     def _tell_statuses(self) -> None:

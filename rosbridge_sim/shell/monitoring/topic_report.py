@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
-from typing import Final, Protocol
+from typing import Final
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.bus import Bus
@@ -23,18 +23,6 @@ MAX_OWNERS: Final = 50
 
 NOT_MEASURED: Final = -1.0
 """Rate before the first second is over [Hz]."""
-
-
-class ReadingClient(Protocol):
-    """A client that reads messages.
-
-    Attributes:
-        outbox: its frames that wait.
-    """
-
-    @property
-    def outbox(self) -> Outbox:
-        """See above."""
 
 
 class TopicReport:
@@ -59,11 +47,11 @@ class TopicReport:
             self._bus.delivery.unwatch(self._count)
             self._clear()
 
-    def take(self, clients: Iterable[ReadingClient], now: float) -> dict[str, JsonValue]:
+    def take(self, outboxes: Iterable[Outbox], now: float) -> dict[str, JsonValue]:
         """Return the fields of a message behind its header, of the time since the last call; counting goes on.
 
         Args:
-            clients: those that may have lost messages.
+            outboxes: those of clients, which may have lost messages.
         """
         seconds = 0.0 if self._since is None else now - self._since
         if self._since is None:
@@ -75,8 +63,8 @@ class TopicReport:
             if (topic.publishers or topic.all_subscriptions) and may_see(name, topic.type.name)
         ]
         dropped: Counter[str] = Counter()
-        for client in clients:
-            for spelling, num in client.outbox.dropped.items():
+        for outbox in outboxes:
+            for spelling, num in outbox.dropped.items():
                 dropped[resolve(spelling)] += num
         listed = [self._describe(topic, seconds, dropped[topic.name]) for topic in topics[:MAX_TOPICS]]
         self._clear()
