@@ -21,6 +21,7 @@ import threading
 import time
 import traceback
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import IO, Any, Final
 
@@ -149,10 +150,8 @@ class DrawingProcess:
         code = child.wait()
         for pipe in (child.stdin, child.stdout):
             assert pipe is not None
-            try:
+            with suppress(OSError):  # what was not written yet cannot be
                 pipe.close()
-            except OSError:  # what was not written yet cannot be
-                continue
         return f" (signal {-code})" if code < 0 else f" (exit code {code})"
 
     def _pack(self, request: object) -> bytes:

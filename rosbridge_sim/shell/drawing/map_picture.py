@@ -73,13 +73,8 @@ CAR_LIGHT: Final = _MAP["carLight"]
 WALK_LIGHT: Final = _MAP["walkLight"]
 WARNING_LIGHT: Final = _MAP["warningLight"]
 AGENTS: Final[dict[Kind, tuple[str, str]]] = {
-    kind: (_COLOURS["kinds"][name], name)
-    for kind, name in (
-        (Kind.EGO, "ego"),
-        (Kind.VEHICLE, "vehicle"),
-        (Kind.PEDESTRIAN, "pedestrian"),
-        (Kind.OBSTACLE, "obstacle"),
-    )
+    kind: (_COLOURS["kinds"][kind.name.lower()], kind.name.lower())
+    for kind in (Kind.EGO, Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)
 }
 
 Points = list[tuple[float, float]]
@@ -146,10 +141,7 @@ def draw_thumbnail(road_map: RoadMap, width: int, height: int, agents: Sequence[
     image = Image.new("RGB", (width * FINE, height * FINE), PAPER)
     pen = ImageDraw.Draw(image)
     _draw_ground(pen, view, road_map, _kinds(road_map))
-    for agent in agents:
-        _draw_path(pen, view, agent)
-    for agent in agents:
-        _draw_agent(pen, view, agent)
+    _draw_agents(pen, view, agents)
     out = BytesIO()
     image.reduce(FINE).save(out, "PNG")
     return out.getvalue()
@@ -162,17 +154,14 @@ def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
     width, height = (round(length) + 2 * PICTURE_MARGIN * FINE for length in ((high - low) * scale).tolist())
     width = max(width, MIN_WIDTH * FINE)
     kinds = _kinds(road_map)
-    legend = [*_legend(road_map, set(kinds.tolist())), *_legend_of_agents(agents)]
+    legend = list(_legend(road_map, set(kinds.tolist()), agents))
     places = _lay_legend(legend, width, _legend_start(view))
     # The lower margin has room for two lines; the picture grows for more.
     num_lines = 1 + max((line for _, line in places), default=0)
     image = Image.new("RGB", (width, height + max(0, num_lines - 2) * LEGEND_LINE * FINE), PAPER)
     pen = ImageDraw.Draw(image)
     _draw_ground(pen, view, road_map, kinds)
-    for agent in agents:
-        _draw_path(pen, view, agent)
-    for agent in agents:
-        _draw_agent(pen, view, agent)
+    _draw_agents(pen, view, agents)
     _draw_frame(pen, image.size, road_map)
     _draw_left_out(pen, road_map.roads, agents)
     top = height - 60 * FINE if num_lines > 1 else height - 34 * FINE
@@ -321,6 +310,14 @@ def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> No
 # Entities
 
 
+def _draw_agents(pen: ImageDraw.ImageDraw, view: _View, agents: Sequence[Spawn]) -> None:
+    """Draw all ways below all entities."""
+    for agent in agents:
+        _draw_path(pen, view, agent)
+    for agent in agents:
+        _draw_agent(pen, view, agent)
+
+
 def _draw_path(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
     if agent.path is not None:
         line = agent.path[:, :2]
@@ -337,11 +334,6 @@ def _draw_agent(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
     outline = ((tail, -side), (tail, side), (tip, side), (nose, 0.0), (tip, -side))
     shape = _shape(np.array([agent.x, agent.y]), agent.yaw, size, outline)
     pen.polygon(view.place(shape), fill=AGENTS[agent.kind][0], outline=INK)
-
-
-def _legend_of_agents(agents: Sequence[Spawn]) -> Iterator[tuple[str, str]]:
-    kinds = {agent.kind for agent in agents}
-    yield from (look for kind, look in AGENTS.items() if kind in kinds)
 
 
 # Frame and legend
@@ -428,7 +420,7 @@ def _round_length(about: float) -> float:
     return next(digit * power for digit in (5.0, 2.0, 1.0) if digit * power <= about * (1.0 + 1e-9))
 
 
-def _legend(road_map: RoadMap, kinds: set[str]) -> Iterator[tuple[str, str]]:
+def _legend(road_map: RoadMap, kinds: set[str], agents: Sequence[Spawn]) -> Iterator[tuple[str, str]]:
     names = {LANE: "lane", INSIDE: "within an intersection", DEAD_END: "dead end"}
     yield from ((colour, name) for colour, name in names.items() if colour in kinds)
     if road_map.roads.is_stop.any():
@@ -442,3 +434,5 @@ def _legend(road_map: RoadMap, kinds: set[str]) -> Iterator[tuple[str, str]]:
         yield WALK_LIGHT, "light for people"
     if any(light.is_warning for light in lights):
         yield WARNING_LIGHT, "yellow light"
+    drawn = {agent.kind for agent in agents}
+    yield from (look for kind, look in AGENTS.items() if kind in drawn)

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.drawing.drawing_process import DrawingProcess
@@ -22,6 +22,8 @@ from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Sight
 LAST_MOMENT: Final = 1.0
 """Longest wait for the thread at the end [s]; the process that it waits for is gone by then."""
 
+_Given = TypeVar("_Given")
+_Made = TypeVar("_Made")
 _Then: TypeAlias = Callable[[Sequence[Sighting] | Exception, float], None]
 
 _log = logging.getLogger("rosbridge_sim.app")
@@ -84,20 +86,10 @@ class SensorThread:
         why = self.why_not(specs)
         if why:
             raise DocumentError(f"sensors: {why}")
-        made: Future[None] = Future()
-
-        def make() -> None:
-            try:
-                self._drawer.open(specs)
-            except Exception as error:  # noqa: BLE001 - whatever the drawer raises
-                made.set_exception(error)
-            else:
-                made.set_result(None)
-
-        self._add(make)
-        try:
-            made.result()
-        except Exception as error:
+        made: Future[Exception | None] = Future()
+        self._add(lambda: made.set_result(_try(self._drawer.open, specs)))
+        error = made.result()
+        if error is not None:
             self.stop()
             raise DocumentError(f"sensors: {error}") from error
 
@@ -106,7 +98,7 @@ class SensorThread:
         if self._is_stopped:
             return
         self._num_waiting += 1
-        self._add(lambda: self._hand_over(then, self._do(job)))
+        self._add(lambda: self._hand_over(then, _try(self._drawer.draw, job)))
 
     def stop(self) -> None:
         """Deliver no more results, and end the thread. A second call does nothing."""
@@ -129,12 +121,6 @@ class SensorThread:
         while (work := self._work.get()) is not None and not self._is_stopped:
             work()
 
-    def _do(self, job: DrawingJob) -> Sequence[Sighting] | Exception:
-        try:
-            return self._drawer.draw(job)
-        except Exception as error:  # noqa: BLE001 - the tick must be answered even after an internal error
-            return error
-
     def _hand_over(self, then: _Then, results: Sequence[Sighting] | Exception) -> None:
         with suppress(RuntimeError):  # the loop is closed
             # One turn later, because sockets that became ready during the delivery before are read first.
@@ -151,6 +137,13 @@ class SensorThread:
             self.num_bugs += 1
             _log.exception("internal error: what was drawn could not be published")
         self.on_done()
+
+
+def _try(work: Callable[[_Given], _Made], given: _Given) -> _Made | Exception:
+    try:
+        return work(given)
+    except Exception as error:  # noqa: BLE001 - the tick must be answered even after an internal error
+        return error
 
 
 def _nothing() -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
-from rosbridge_sim.scenery.pictures import EXTINCTION, USUAL, Channel, Picture, PictureChoices, Weather
+from rosbridge_sim.scenery.pictures import EXTINCTION, USUAL, Channel, Picture, PictureChoices
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer, planes_of
 from rosbridge_sim.shell.rendering.lens import Lens
@@ -104,9 +104,9 @@ class CameraRenderer:
         camera, view, back = sight
         targets = self._target(camera, SAMPLES if choices.is_smooth else 0)
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
-        rgb = depth = label = instance = None
+        rgb, rest = None, {}
         if Channel.RGB in channels:
-            programs = self._programs(choices.weather, frame, view, eye, origin=static.origin, without=without)
+            programs = self._programs(choices, frame, view, eye, static.origin)
             targets.begin_colours(look.horizon)
             self._context.enable_only(self._context.DEPTH_TEST)
             self._moving.draw(movers, programs[Coat.PLAIN])
@@ -120,10 +120,8 @@ class CameraRenderer:
             self._context.enable_only(self._context.DEPTH_TEST)
             self._moving.draw(movers, self._classes)
             cells.draw(parts, dict.fromkeys(Coat, self._classes))
-            label = targets.read_label() if Channel.LABEL in channels else None
-            instance = targets.read_instance() if Channel.INSTANCE in channels else None
-            depth = targets.read_depth() if Channel.DEPTH in channels else None
-        return Picture(rgb, depth, label, instance)
+            rest = {channel: targets.read(channel) for channel in channels & ~Channel.RGB}
+        return Picture(rgb, *map(rest.get, (Channel.DEPTH, Channel.LABEL, Channel.INSTANCE)))
 
     def close(self) -> None:
         """Free the memory of the graphics library."""
@@ -154,17 +152,10 @@ class CameraRenderer:
         targets.colours.depth_mask = True
 
     def _programs(
-        self,
-        weather: Weather,
-        frame: SceneFrame,
-        view: FloatArray,
-        eye: FloatArray,
-        *,
-        origin: FloatArray,
-        without: int,
+        self, choices: PictureChoices, frame: SceneFrame, view: FloatArray, eye: FloatArray, origin: FloatArray
     ) -> dict[Coat, moderngl.Program]:
         """Return the programs for colours in a weather, all set for a picture."""
-        look = LOOKS[weather]
+        look = LOOKS[choices.weather]
         sun = np.array(look.sun) / np.linalg.norm(look.sun)
         places, ways = _beams(frame, eye + origin) if look.is_dark else (np.zeros((0, 3)), np.zeros((0, 3)))
         rest = np.zeros((MAX_BEAMS - len(places), 3))
@@ -176,9 +167,9 @@ class CameraRenderer:
             "ambient": look.ambient,
             "is_dark": look.is_dark,
             "haze_colour": look.horizon,
-            "haze": EXTINCTION[weather],
+            "haze": EXTINCTION[choices.weather],
             "zenith": look.zenith,
-            "without": without + 1,
+            "without": choices.without + 1,
             "num_beams": len(places),
             "beam": look.beam,
             "beam_place": list(map(tuple, np.concatenate([places - origin, rest]).tolist())),

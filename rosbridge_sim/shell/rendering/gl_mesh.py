@@ -112,6 +112,42 @@ class _Buffer:
         self.vertices.release()
 
 
+class _Runs:
+    """Runs of triangles of a buffer, each with a ball around it."""
+
+    def __init__(
+        self, places: NDArray[np.floating], first: NDArray[np.int64], reach: FloatArray | float, later: FloatArray
+    ) -> None:
+        """Find the balls.
+
+        Args:
+            places: (3 n, 3) corners of the triangles.
+            first: (m,) the first triangle of each run.
+            reach: up to which distance a run is drawn [m].
+            later: (m,) what is added to its distance in the order of drawing [m].
+        """
+        self.first = 3 * first
+        self.num = np.diff(np.append(self.first, len(places)))
+        low = np.minimum.reduceat(places, self.first) if len(first) else np.zeros((0, 3))
+        high = np.maximum.reduceat(places, self.first) if len(first) else np.zeros((0, 3))
+        self._middle, self._radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+        self._reach, self._later = reach, later
+
+    def visible(self, view: FloatArray, eye: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """Return which runs are in view, the nearest first, and their distances [m].
+
+        Args:
+            view: (4, 4) from the scene to the picture.
+            eye: (3,) place of the camera.
+        """
+        planes = planes_of(view)
+        away = np.linalg.norm(self._middle - eye, axis=1) - self._radius
+        inside = (self._middle @ planes[:, :3].T + planes[:, 3] > -self._radius[:, None]).all(axis=1)
+        rows = np.flatnonzero(inside & (away < self._reach))
+        rows = rows[np.argsort(away[rows] + self._later[rows], kind="stable")]
+        return rows, away[rows]
+
+
 class CellMesh:
     """A mesh that does not move, in the memory of the graphics library."""
 
@@ -126,15 +162,11 @@ class CellMesh:
         order = np.argsort(key, kind="stable")
         sorted_mesh, key = mesh.pick(order), key[order]
         first = np.flatnonzero(np.diff(key, prepend=key[:1] - 1)) if len(key) else np.zeros(0, dtype=np.int64)
-        corners = sorted_mesh.vertices[sorted_mesh.triangles].astype(np.float64)
-        low = np.minimum.reduceat(corners.min(axis=1), first) if len(first) else np.zeros((0, 3))
-        high = np.maximum.reduceat(corners.max(axis=1), first) if len(first) else np.zeros((0, 3))
-        self._middle, self._radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        self._first, self._num = 3 * first, 3 * np.diff(np.append(first, len(key)))
         self._group = groups[order][first]
-        self._reach = np.array([each.reach for each in _GROUPS])[self._group]
-        self._later = np.array([each.later for each in _GROUPS])[self._group]
-        self._buffer = _Buffer(context, pack_vertices(sorted_mesh).tobytes())
+        reach, later = np.array([(each.reach, each.later) for each in _GROUPS])[self._group].T
+        packed = pack_vertices(sorted_mesh)
+        self._runs = _Runs(packed["place"].astype(np.float64), first, reach, later)
+        self._buffer = _Buffer(context, packed.tobytes())
 
     def visible(self, view: FloatArray, eye: FloatArray) -> list[Part]:
         """Return what is in view, the nearest first.
@@ -143,17 +175,13 @@ class CellMesh:
             view: (4, 4) from the scene to the picture.
             eye: (3,) place of the camera.
         """
-        planes = planes_of(view)
-        away = np.linalg.norm(self._middle - eye, axis=1) - self._radius
-        inside = (self._middle @ planes[:, :3].T + planes[:, 3] > -self._radius[:, None]).all(axis=1)
-        rows = np.flatnonzero(inside & (away < self._reach))
-        rows = rows[np.argsort(away[rows] + self._later[rows], kind="stable")]
-        groups, distances = self._group[rows].tolist(), away[rows].tolist()
+        rows, away = self._runs.visible(view, eye)
+        groups, distances = self._group[rows].tolist(), away.tolist()
         coats = [
             _GROUPS[i].coat if distance < _GROUPS[i].fades else Coat.PLAIN
             for i, distance in zip(groups, distances, strict=True)
         ]
-        return list(zip(coats, self._first[rows].tolist(), self._num[rows].tolist(), strict=True))
+        return list(zip(coats, self._runs.first[rows].tolist(), self._runs.num[rows].tolist(), strict=True))
 
     def draw(self, parts: list[Part], programs: Mapping[Coat, moderngl.Program]) -> None:
         """Draw parts by the programs of their coats."""
@@ -181,8 +209,7 @@ class MovingBuffer:
         self._shadows = context.buffer(reserve=MIN_BYTES, dynamic=True)
         self._shadow_array = context.vertex_array(shadow, [(self._shadows, "3f 2f", "place", "edge")])
         self._num_shadows = 0
-        self._first = self._num = np.zeros(0, dtype=np.int64)
-        self._middle, self._radius = np.zeros((0, 3)), np.zeros(0)
+        self._runs = _Runs(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), REACH, np.zeros(0))
 
     def write(self, mesh: Mesh, frame: SceneFrame, origin: FloatArray) -> None:
         """Take the triangles and shadows of a frame.
@@ -195,23 +222,15 @@ class MovingBuffer:
         # Pieces that are drawn or left out: each entity is one, and the lenses of lights are several.
         step = np.arange(len(mesh)) // PIECE
         first = np.flatnonzero(np.diff(mesh.instance, prepend=-1) | ((mesh.instance == 0) & np.diff(step, prepend=0)))
-        places = packed["place"]
-        self._first, self._num = 3 * first, 3 * np.diff(np.append(first, len(mesh)))
-        low = np.minimum.reduceat(places, self._first) if len(first) else np.zeros((0, 3))
-        high = np.maximum.reduceat(places, self._first) if len(first) else np.zeros((0, 3))
-        self._middle, self._radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+        self._runs = _Runs(packed["place"], first, REACH, np.zeros(len(first)))
         shadows = _shadows(frame, origin).astype("<f4").tobytes()
         _write(self._shadows, shadows)
         self._num_shadows = len(shadows) // 20
 
     def visible(self, view: FloatArray, eye: FloatArray) -> list[tuple[int, int]]:
         """Return first vertex and number of vertices of what is in view, the nearest first."""
-        planes = planes_of(view)
-        away = np.linalg.norm(self._middle - eye, axis=1) - self._radius
-        inside = (self._middle @ planes[:, :3].T + planes[:, 3] > -self._radius[:, None]).all(axis=1)
-        rows = np.flatnonzero(inside & (away < REACH))
-        rows = rows[np.argsort(away[rows], kind="stable")]
-        return list(zip(self._first[rows].tolist(), self._num[rows].tolist(), strict=True))
+        rows, _ = self._runs.visible(view, eye)
+        return list(zip(self._runs.first[rows].tolist(), self._runs.num[rows].tolist(), strict=True))
 
     def draw(self, parts: list[tuple[int, int]], program: moderngl.Program) -> None:
         """Draw parts by a program."""

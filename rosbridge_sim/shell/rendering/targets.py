@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rosbridge_sim.scenery.pictures import Channel
+
 if TYPE_CHECKING:
     import moderngl
+
+
+_KINDS: Final = {Channel.LABEL: "u1", Channel.INSTANCE: "i4", Channel.DEPTH: "f4"}
+"""Numbers of the parts of a picture that mix no two things, as numpy and the library name them."""
 
 
 class Targets:
@@ -29,14 +35,10 @@ class Targets:
             [context.renderbuffer(size, 4, samples=many)], context.depth_renderbuffer(size, samples=many)
         )
         self._smooth = context.framebuffer([context.renderbuffer(size, 4)]) if many else None
-        self._textures = [
-            context.texture(size, 1, dtype="u1"),
-            context.texture(size, 1, dtype="i4"),
-            context.texture(size, 1, dtype="f4"),
-        ]
-        self._classes = context.framebuffer(self._textures, context.depth_renderbuffer(size))
-        # `clear` writes the same colour into all targets, so each has a view of its own to be cleared by.
-        self._single = [context.framebuffer([texture]) for texture in self._textures]
+        self._textures = {channel: context.texture(size, 1, dtype=kind) for channel, kind in _KINDS.items()}
+        self._classes = context.framebuffer([*self._textures.values()], context.depth_renderbuffer(size))
+        # `clear` writes the same colour into all targets, so the depths have a view of their own to be cleared by.
+        self._depths = context.framebuffer([self._textures[Channel.DEPTH]])
 
     def begin_colours(self, colour: tuple[float, float, float]) -> None:
         """Fill the colours with one, and draw into them from now on."""
@@ -47,7 +49,7 @@ class Targets:
         """Clear class, instance and depth, and draw into them from now on."""
         self._classes.use()
         self._classes.clear()
-        self._single[2].clear(np.inf)
+        self._depths.clear(np.inf)
         self._classes.use()
 
     def read_rgb(self) -> NDArray[np.uint8]:
@@ -59,23 +61,13 @@ class Targets:
         data = source.read(components=3, alignment=1)
         return np.frombuffer(data, dtype=np.uint8).reshape(height, width, 3)
 
-    def read_label(self) -> NDArray[np.uint8]:
-        """Return the classes, (h, w)."""
+    def read(self, channel: Channel) -> NDArray[Any]:
+        """Return the classes, the instances or the depths [m], (h, w)."""
         width, height = self._size
-        return np.frombuffer(self._textures[0].read(alignment=1), dtype=np.uint8).reshape(height, width)
-
-    def read_instance(self) -> NDArray[np.int32]:
-        """Return the instances, (h, w)."""
-        width, height = self._size
-        return np.frombuffer(self._textures[1].read(), dtype=np.int32).reshape(height, width)
-
-    def read_depth(self) -> NDArray[np.float32]:
-        """Return the depths, (h, w) [m]."""
-        width, height = self._size
-        return np.frombuffer(self._textures[2].read(), dtype=np.float32).reshape(height, width)
+        return np.frombuffer(self._textures[channel].read(alignment=1), dtype=_KINDS[channel]).reshape(height, width)
 
     def release(self) -> None:
         """Free the memory."""
         smooth = () if self._smooth is None else (self._smooth,)
-        for each in (self.colours, *smooth, self._classes, *self._single, *self._textures):
+        for each in (self.colours, *smooth, self._classes, self._depths, *self._textures.values()):
             each.release()
