@@ -6,6 +6,7 @@ import asyncio
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Generic, TypeVar
 
 _Value = TypeVar("_Value")
@@ -34,21 +35,10 @@ class MadeOnce(Generic[_Value]):
 
     def _make(self, value: asyncio.Future[_Value], make: Callable[[], _Value]) -> None:
         """Make a value, in the thread."""
-        settle: Callable[[], None]
         try:
             with self._turn:
-                made = make()
+                settle = partial(value.set_result, make())
         except Exception as error:  # noqa: BLE001 - an internal error: the server logs it
-            settle = _failure(value, error)
-        else:
-            settle = _success(value, made)
+            settle = partial(value.set_exception, error)
         with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(settle)
-
-
-def _success(future: asyncio.Future[_Value], value: _Value) -> Callable[[], None]:
-    return lambda: None if future.done() else future.set_result(value)
-
-
-def _failure(future: asyncio.Future[_Value], error: Exception) -> Callable[[], None]:
-    return lambda: None if future.done() else future.set_exception(error)
+            self._loop.call_soon_threadsafe(lambda: None if value.done() else settle())

@@ -7,10 +7,12 @@ it already shows its ETag, and is told so without the text.
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.records import Record
+from rosbridge_sim.shell.page.page_file import is_known
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
@@ -51,18 +53,18 @@ class MapPage:
         self._drawing: MapDrawing | None = None
         self._text: asyncio.Future[bytes | None] | None = None
 
-    def ask(self, known: str) -> asyncio.Future[MapText] | None:
+    def ask(self, known: Sequence[str]) -> asyncio.Future[MapText] | None:
         """Return the text, once it is written; None where the settings have turned `/sim/map` off.
 
         Args:
-            known: ETags that the asking program has, as its `If-None-Match` header says.
+            known: ETags that the asking program has, as its `If-None-Match` headers say.
         """
         if not self._roads.is_offered:
             return None
         drawing = self._roads.drawing
         etag = f'"{__version__}-{drawing.digest}"'
         answer: asyncio.Future[MapText] = self._loop.create_future()
-        if _is_known(etag, known):
+        if is_known(etag, known):
             answer.set_result(MapText(etag))
             return answer
         if self._text is None or self._drawing is not drawing:
@@ -102,9 +104,3 @@ def _join(drawing: MapDrawing) -> bytes | None:
         if num_bytes > MAX_TEXT:
             return None
     return b"".join(parts)
-
-
-def _is_known(etag: str, known: str) -> bool:
-    """Tell whether an `If-None-Match` header names an ETag; a weak one serves as well."""
-    names = [name.strip().removeprefix("W/") for name in known.split(",")]
-    return etag in names or "*" in names

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import posixpath
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
@@ -88,7 +88,7 @@ class _Joiner:
         imports = list(_imports_of(path, text, code))
         for one in imports:
             self._follow(one, path, importers, _place(path, text, one.start))
-        body, code = _without_imports(text, imports), _without_imports(code, imports)
+        body, code = (_without(each, [(one.start, one.end) for one in imports]) for each in (text, code))
         for pattern, expected in _REFUSED:
             match = pattern.search(code)
             if match is not None:
@@ -98,11 +98,13 @@ class _Joiner:
             if literal is None or posixpath.dirname(path) != self.folder:
                 where = _place(path, code, match.start())
                 raise JoinError(f'{where}: expected import("./x.js"), in a module beside the main one')
-        for match in _DECLARATION.finditer(code):
+        declarations = list(_DECLARATION.finditer(code))
+        for match in declarations:
             self._own(match["name"], _place(path, code, match.start()))
-        self.exports[path] = frozenset(match["name"] for match in _DECLARATION.finditer(code) if match["export"])
-        starts = [match.start() for match in _DECLARATION.finditer(code) if match["export"]]
-        self.bodies[path] = _without_exports(body, starts)
+        exported = [match for match in declarations if match["export"]]
+        self.exports[path] = frozenset(match["name"] for match in exported)
+        words = ((match.start(), match.start() + len("export ")) for match in exported)
+        self.bodies[path] = _without(body, words)
 
     def _follow(self, one: _Import, path: str, importers: tuple[str, ...], where: str) -> None:
         if not one.source.startswith("."):
@@ -197,24 +199,14 @@ def _imports_of(path: str, text: str, code: str) -> Iterator[_Import]:
         yield _Import(start, match.end(), (match["name"],), match["source"], is_json=True)
 
 
-def _without_imports(text: str, imports: list[_Import]) -> str:
-    """Return a text with empty lines in place of imports."""
+def _without(text: str, spans: Iterable[tuple[int, int]]) -> str:
+    """Return a text with nothing but the ends of lines in its spans, from the first one on."""
     parts: list[str] = []
-    end = 0
-    for one in imports:
-        parts += [text[end : one.start], "\n" * text.count("\n", one.start, one.end)]
-        end = one.end
-    return "".join([*parts, text[end:]])
-
-
-def _without_exports(text: str, starts: list[int]) -> str:
-    """Return a text without the word `export` at each of its places."""
-    parts: list[str] = []
-    end = 0
-    for start in starts:
-        parts.append(text[end:start])
-        end = start + len("export ")
-    return "".join([*parts, text[end:]])
+    last = 0
+    for start, end in spans:
+        parts += [text[last:start], "\n" * text.count("\n", start, end)]
+        last = end
+    return "".join([*parts, text[last:]])
 
 
 def _place(path: str, text: str, position: int) -> str:

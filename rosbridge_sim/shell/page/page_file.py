@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 
 from rosbridge_sim.records import Record
 
@@ -23,6 +24,12 @@ class PageFile(Record):
     body: bytes
     gzipped: bytes
     etag: str
+
+
+def is_known(etag: str, known: Iterable[str]) -> bool:
+    """Return True if a client has what an ETag stands for, by its `If-None-Match` headers."""
+    names = [name.strip().removeprefix("W/") for name in ",".join(known).split(",")]
+    return etag in names or "*" in names
 
 
 def make_page_file(kind: str, body: bytes) -> PageFile:

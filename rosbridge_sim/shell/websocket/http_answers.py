@@ -5,15 +5,15 @@ from __future__ import annotations
 import asyncio
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Mapping, Sequence
 from http import HTTPStatus
-from typing import Final
+from typing import Final, TypeAlias
 
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
 from rosbridge_sim.shell.page.map_page import MapText
-from rosbridge_sim.shell.page.page_file import PageFile
+from rosbridge_sim.shell.page.page_file import PageFile, is_known
 from rosbridge_sim.version import __version__
 
 JSON_KIND = "application/json"
@@ -21,6 +21,9 @@ JSON_KIND = "application/json"
 PROTOCOL = "rosbridge v2.0"
 """Name of the protocol in its specification."""
 
+
+Answer: TypeAlias = Response | Awaitable[Response]
+"""An answer, or one that comes later."""
 
 _ABSOLUTE: Final = re.compile(r"(?:http|ws)s?://(?P<host>[^/?#]*)(?P<path>[^#]*)", re.IGNORECASE)
 """Target of a request in absolute form."""
@@ -51,9 +54,7 @@ def answer_file(connection: ServerConnection, request: Request, file: PageFile, 
     is_compressed = accepts(request, "Accept-Encoding", "gzip")
     etag = f'{file.etag[:-1]}-gzip"' if is_compressed else file.etag  # a strong ETag stands for the bytes on the wire
     if is_known(etag, request.headers.get_all("If-None-Match")):
-        response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
-        for name in ("Content-Type", "Content-Length"):  # they would be those of the file
-            del response.headers[name]
+        response = _answer_unchanged(connection)
     else:
         body = file.gzipped if is_compressed else file.body
         response = answer_with(connection, HTTPStatus.OK, body, file.kind)
@@ -61,6 +62,13 @@ def answer_file(connection: ServerConnection, request: Request, file: PageFile, 
             response.headers["Content-Encoding"] = "gzip"
     for name, value in ({"ETag": etag, "Vary": "Accept, Accept-Encoding"} | dict(headers)).items():
         response.headers[name] = value
+    return response
+
+
+def _answer_unchanged(connection: ServerConnection) -> Response:
+    response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
+    for name in ("Content-Type", "Content-Length"):  # they would be those of the file
+        del response.headers[name]
     return response
 
 
@@ -91,9 +99,7 @@ async def answer_map(
     if text.why_not:
         return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text.why_not)
     if text.body is None:
-        response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
-        for name in ("Content-Type", "Content-Length"):  # they would be those of the text
-            del response.headers[name]
+        response = _answer_unchanged(connection)
     else:
         response = answer_with(connection, HTTPStatus.OK, text.body, JSON_KIND)
     response.headers["ETag"] = text.etag
@@ -216,13 +222,3 @@ def accepts(request: Request, header: str, value: str) -> bool:
             weights = [text.partition("=")[2] for text in parameters if text.partition("=")[0].strip() == "q"]
             return not any(weight.strip().strip("0.") == "" for weight in weights)
     return False
-
-
-def is_known(etag: str, known: Sequence[str]) -> bool:
-    """Return True if `If-None-Match` headers name an ETag; a weak one serves as well.
-
-    Args:
-        etag: the ETag, with its quotes.
-    """
-    names = [name.strip().removeprefix("W/") for name in ",".join(known).split(",")]
-    return etag in names or "*" in names

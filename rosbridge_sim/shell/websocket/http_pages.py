@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from http import HTTPStatus
+from typing import TypeAlias
 
 from websockets.http11 import Request, Response
 
@@ -15,6 +16,7 @@ from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.websocket.connections import ServedConnection
 from rosbridge_sim.shell.websocket.http_answers import (
     JSON_KIND,
+    Answer,
     accepts,
     answer_file,
     answer_map,
@@ -39,6 +41,10 @@ REFUSALS_TOPIC = "/sim/refusals"
 """The topic with the refusals of all clients; who may not subscribe to it may not read `/log.json` either."""
 
 
+_RenderMetrics: TypeAlias = Callable[[str], Awaitable[tuple[bytes, str]]]
+_AskMap: TypeAlias = Callable[[Sequence[str]], asyncio.Future[MapText] | None]
+
+
 class HttpPages:
     """The answers to requests that open no WebSocket.
 
@@ -61,8 +67,8 @@ class HttpPages:
     def __init__(self, gate: RequestGate, limits: ServerLimits, num_clients: Callable[[], int]) -> None:
         self.why_unhealthy: Callable[[], str | None] = lambda: None
         self.describe: Callable[[], Mapping[str, object]] = dict
-        self.render_metrics: Callable[[str], Awaitable[tuple[bytes, str]]] | None = None
-        self.ask_map: Callable[[str], asyncio.Future[MapText] | None] | None = None
+        self.render_metrics: _RenderMetrics | None = None
+        self.ask_map: _AskMap | None = None
         self.render_log: Callable[[bool], bytes] | None = None
         self.page: WebPage | None = None
         self.is_stopping = False
@@ -70,7 +76,7 @@ class HttpPages:
         self._policy = limits.policy
         self._num_clients = num_clients
 
-    def answer(self, connection: ServedConnection, request: Request, path: str) -> Response | Awaitable[Response]:
+    def answer(self, connection: ServedConnection, request: Request, path: str) -> Answer:
         """Return the answer to a request for a path."""
         if path == "/healthz":
             return self._tell_health(connection, request)
@@ -84,7 +90,7 @@ class HttpPages:
             return self._tell_log(connection, request, self.render_log)
         return self._answer_file(connection, request, path)
 
-    def _answer_file(self, connection: ServedConnection, request: Request, path: str) -> Response | Awaitable[Response]:
+    def _answer_file(self, connection: ServedConnection, request: Request, path: str) -> Answer:
         if path in {"", "/"} and (self.page is None or not accepts(request, "Accept", "text/html")):
             return self._tell_links(connection, request)
         if self.page is not None and (path or "/") in PATHS:
@@ -111,7 +117,7 @@ class HttpPages:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; {folder} lists all\n")
         return answer_file(connection, request, file, page.headers)
 
-    def _tell_links(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
+    def _tell_links(self, connection: ServedConnection, request: Request) -> Answer:
         """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
         pages = {"map.json": self.ask_map, "log.json": self.render_log, "metrics": self.render_metrics}
         paths = [] if self.page is None else ["", *(folder.lstrip("/") for folder in self.page.folders)]
@@ -121,7 +127,7 @@ class HttpPages:
         response.headers["Vary"] = "Accept"
         return self._gate.late_for_wrong_token(connection, request, response)
 
-    def _tell_health(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
+    def _tell_health(self, connection: ServedConnection, request: Request) -> Answer:
         """Answer the state of the server as JSON. Requests that get no data get only status and reason."""
         why = self.why_unhealthy() or (STOPPING if self.is_stopping else None)
         health: dict[str, object] = {"status": "ok"}
@@ -133,15 +139,13 @@ class HttpPages:
         response = answer_with(connection, code, f"{json.dumps(health)}\n".encode(), JSON_KIND)
         return self._gate.late_for_wrong_token(connection, request, response)
 
-    def _tell_version(self, connection: ServedConnection, request: Request) -> Response | Awaitable[Response]:
+    def _tell_version(self, connection: ServedConnection, request: Request) -> Answer:
         """Answer name, version, protocol, and what drives vehicles on lanes, to those who may have data."""
         refusal = self._gate.refuse_data(connection, request, "/version")
         body = f"{json.dumps({**_VERSION, 'backend': backend()})}\n"
         return refusal or answer_with(connection, HTTPStatus.OK, body.encode(), JSON_KIND)
 
-    def _tell_metrics(
-        self, connection: ServedConnection, request: Request, render: Callable[[str], Awaitable[tuple[bytes, str]]]
-    ) -> Response | Awaitable[Response]:
+    def _tell_metrics(self, connection: ServedConnection, request: Request, render: _RenderMetrics) -> Answer:
         """Answer all counters in Prometheus's format, to those who may have data."""
         refusal = self._gate.refuse_data(connection, request, "/metrics")
         return refusal or self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
@@ -150,9 +154,7 @@ class HttpPages:
         body, content_type = await rendered
         return answer_with(connection, HTTPStatus.OK, body, content_type)
 
-    def _tell_log(
-        self, connection: ServedConnection, request: Request, render: Callable[[bool], bytes]
-    ) -> Response | Awaitable[Response]:
+    def _tell_log(self, connection: ServedConnection, request: Request, render: Callable[[bool], bytes]) -> Answer:
         """Answer the last refusals and warnings, to those who may have data and subscribe to `/sim/refusals`."""
         refusal = self._gate.refuse_data(connection, request, "/log.json")
         if refusal is not None:
@@ -165,9 +167,7 @@ class HttpPages:
         response.headers["Cache-Control"] = "no-store"
         return response
 
-    def _tell_map(
-        self, connection: ServedConnection, request: Request, ask: Callable[[str], asyncio.Future[MapText] | None]
-    ) -> Response | Awaitable[Response]:
+    def _tell_map(self, connection: ServedConnection, request: Request, ask: _AskMap) -> Answer:
         """Answer the map as JSON, to those who may have data. Patterns for `/sim/map` hold for it."""
         refusal = self._gate.refuse_data(connection, request, "/map.json")
         if refusal is not None:
@@ -176,7 +176,7 @@ class HttpPages:
             return connection.respond(
                 HTTPStatus.FORBIDDEN, f"Not allowed to call {MAP_SERVICE}, which tells the same\n"
             )
-        asked = ask(", ".join(request.headers.get_all("If-None-Match")))
+        asked = ask(request.headers.get_all("If-None-Match"))
         if asked is None:
             return connection.respond(HTTPStatus.NOT_FOUND, f"The settings have {MAP_SERVICE} turned off\n")
         return answer_map(connection, asked, connection.lost)

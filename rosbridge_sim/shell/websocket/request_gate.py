@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Awaitable
 from http import HTTPStatus
 
 from websockets.asyncio.server import ServerConnection
@@ -14,7 +13,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.shell.websocket.access import HandshakeRefusal
 from rosbridge_sim.shell.websocket.connections import ConnectionTables, ServedConnection, address_of
-from rosbridge_sim.shell.websocket.http_answers import answer_late
+from rosbridge_sim.shell.websocket.http_answers import Answer, answer_late
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.origins import RefusedOrigins
 from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE
@@ -43,9 +42,7 @@ class RequestGate:
         """Return True if a request may have data."""
         return self._limits.access.judge_data(request, self.own_names) is None
 
-    def refuse(
-        self, connection: ServedConnection, refusal: HandshakeRefusal, reason: Reason, text: str
-    ) -> Response | Awaitable[Response]:
+    def refuse(self, connection: ServedConnection, refusal: HandshakeRefusal, reason: Reason, text: str) -> Answer:
         """Refuse a request, and report it; for the want of a token the answer is late.
 
         Args:
@@ -64,16 +61,12 @@ class RequestGate:
         """Log a refusal; each web page has one warning."""
         self._refused_origins.log(_log, address_of(connection), refusal.text, refusal.origin)
 
-    def refuse_data(
-        self, connection: ServedConnection, request: Request, path: str
-    ) -> Response | Awaitable[Response] | None:
+    def refuse_data(self, connection: ServedConnection, request: Request, path: str) -> Answer | None:
         """Refuse a path with data to requests without the token, or with an unknown Host; None if it may be told."""
         refusal = self._limits.access.judge_data(request, self.own_names)
         return None if refusal is None else self.refuse(connection, refusal, Reason.NO_TOKEN, f"{path} needs the token")
 
-    def late_for_wrong_token(
-        self, connection: ServedConnection, request: Request, response: Response
-    ) -> Response | Awaitable[Response]:
+    def late_for_wrong_token(self, connection: ServedConnection, request: Request, response: Response) -> Answer:
         """Delay an answer to a request with a wrong token; otherwise tokens could be tried here without a delay."""
         access = self._limits.access
         if access.is_shown(request) or not access.shows_any(request):

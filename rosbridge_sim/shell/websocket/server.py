@@ -21,11 +21,9 @@ from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
 from socket import gethostname
-from time import monotonic
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
-from websockets.extensions.base import ServerExtensionFactory
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
@@ -41,6 +39,7 @@ from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.connections import ConnectionTables, ServedConnection, address_of, make_connection
 from rosbridge_sim.shell.websocket.freed_memory import MemoryReturn, resident_bytes, trim_memory
 from rosbridge_sim.shell.websocket.http_answers import (
+    Answer,
     answer_version,
     asks_for_websocket,
     is_upgrade,
@@ -90,7 +89,6 @@ class Server:
         self._bus = bus
         self._limits = limits
         self._on_change = on_change
-        self._clock = monotonic
         self._turns: Turns | None = None
         self._memory: MemoryReturn | None = None
         self._budget: MemoryBudget | None = None
@@ -130,7 +128,7 @@ class Server:
         limits = self._limits
         loop = asyncio.get_running_loop()
         memory = self._memory = MemoryReturn(trim_memory, resident_bytes)
-        self._turns, self._clock = Turns(loop, self._on_change), loop.time
+        self._turns = Turns(loop, self._on_change)
 
         def look(num_bytes_held: int) -> None:
             memory.look(num_bytes_held, loop.time())
@@ -145,7 +143,7 @@ class Server:
             create_connection=partial(make_connection, self._tables, rules),  # type: ignore[arg-type] # it is only called
             process_request=self._process_request,
             compression=None,
-            extensions=_extensions(limits),
+            extensions=[LateDeflateFactory()] if limits.is_compressing else None,
             max_size=limits.max_frame_size,
             ping_interval=limits.ping_interval,
             ping_timeout=limits.ping_timeout,
@@ -185,7 +183,11 @@ class Server:
         """Serve a connection to its end."""
         assert isinstance(socket, ServedConnection)
         try:
-            await self._serve_socket(socket)
+            why = None if socket.is_trusted else await self._let_prove(socket)
+            if why is None:
+                await self._serve_client(socket)
+            else:
+                _log.info("%s turned away: %s", address_of(socket), why)
         except Exception:  # the library closes it with code 1011, but its own log line is suppressed
             self._note_unserved(socket)
             raise
@@ -193,15 +195,6 @@ class Server:
     def _note_unserved(self, socket: ServedConnection) -> None:
         self.num_bugs += 1
         _log.exception("internal error: %s could not be served", address_of(socket))
-
-    async def _serve_socket(self, socket: ServedConnection) -> None:
-        """Serve a client, after it has sent the token if one is needed."""
-        if not socket.is_trusted:
-            why = await self._let_prove(socket)
-            if why is not None:
-                _log.info("%s turned away: %s", address_of(socket), why)
-                return
-        await self._serve_client(socket)
 
     async def _let_prove(self, socket: ServedConnection) -> str | None:
         """Wait until a connection has sent the token.
@@ -319,11 +312,9 @@ class Server:
     def note_large_frame(self) -> None:
         """Note that a large frame was received or sent; see `ClientWatch`."""
         assert self._memory is not None, "it listens"
-        self._memory.note_large_frame(self._clock())
+        self._memory.note_large_frame(asyncio.get_running_loop().time())
 
-    def _process_request(
-        self, connection: ServerConnection, request: Request
-    ) -> Response | Awaitable[Response | None] | None:
+    def _process_request(self, connection: ServerConnection, request: Request) -> Answer | None:
         """Answer a plain HTTP request; return None to continue the WebSocket handshake."""
         assert isinstance(connection, ServedConnection)
         try:
@@ -331,22 +322,21 @@ class Server:
             answer = not_allowed(connection, request) or self._judge_request(connection, request)
         except Exception:  # noqa: BLE001 - an internal error; the library would give the same answer, but not log it
             answer = self._regret_request(connection)
-        if answer is None or isinstance(answer, Response):
+        if isinstance(answer, Response):
             return self._finish(connection, request, answer)
-        return self._answer_in_time(connection, request, answer)
+        return None if answer is None else self._answer_in_time(connection, request, answer)
 
     @staticmethod
-    def _finish(connection: ServedConnection, request: Request, response: Response | None) -> Response | None:
-        """Begin to send an answer, if there is one. HEAD gets the headers alone (RFC 9110 section 9.3.2)."""
-        if response is not None:
-            if method_of(request) == "HEAD":
-                response.body = b""
-            connection.begin_last_answer()
+    def _finish(connection: ServedConnection, request: Request, response: Response) -> Response:
+        """Begin to send an answer. HEAD gets the headers alone (RFC 9110 section 9.3.2)."""
+        if method_of(request) == "HEAD":
+            response.body = b""
+        connection.begin_last_answer()
         return response
 
     async def _answer_in_time(
-        self, connection: ServedConnection, request: Request, answer: Awaitable[Response | None]
-    ) -> Response | None:
+        self, connection: ServedConnection, request: Request, answer: Awaitable[Response]
+    ) -> Response:
         """Wait for an answer; after some time, answer that the server is busy."""
         timeout = self._limits.answer_timeout
         try:
@@ -367,17 +357,13 @@ class Server:
         _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
         return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
 
-    def _judge_request(
-        self, connection: ServedConnection, request: Request
-    ) -> Response | Awaitable[Response | None] | None:
+    def _judge_request(self, connection: ServedConnection, request: Request) -> Answer | None:
         path = request.path.partition("?")[0]
         if path in {"", "/"} and is_upgrade(request):
             return self._judge_handshake(connection, request) if asks_for_websocket(request) else None
         return self.pages.answer(connection, request, path)
 
-    def _judge_handshake(
-        self, connection: ServedConnection, request: Request
-    ) -> Response | Awaitable[Response | None] | None:
+    def _judge_handshake(self, connection: ServedConnection, request: Request) -> Answer | None:
         if speaks_another_version(request):
             return answer_version(connection)
         settle_upgrade(request)
@@ -393,10 +379,3 @@ class Server:
         if refusal.status is HTTPStatus.UNAUTHORIZED:
             self._gate.log(connection, refusal)
         return self._gate.refuse(connection, refusal, Reason.WRONG_TOKEN, WRONG_TOKEN)
-
-
-def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
-    """Return the extensions that the server accepts."""
-    if not limits.is_compressing:
-        return None
-    return [LateDeflateFactory()]
