@@ -13,14 +13,10 @@ from typing import Any, Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarService
-from rosbridge_sim.graph.gateway.gateway import Gateway
-from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.quality import Quality
-from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.master_view import MasterView
 from rosbridge_sim.graph.ros1.ros1_graph import type_of
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
-from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
+from rosbridge_sim.shell.ros1.ros1_choices import Ros1Parts
 from rosbridge_sim.shell.ros1.service_links import FarServices, probe
 from rosbridge_sim.shell.ros1.topic_links import LOST, why_lost
 from rosbridge_sim.shell.ros1.topic_readers import TopicReaders
@@ -47,31 +43,18 @@ _log = logging.getLogger("rosbridge_sim.ros1")
 class OtherNodes:
     """The other nodes."""
 
-    def __init__(
-        self,
-        choices: Ros1Choices,
-        types: Ros1Types,
-        log: OnceLog,
-        readers: TopicReaders,
-        *,
-        gateway: Gateway[Ros1Type],
-        services: NodeServices,
-        far_services: FarServices,
-    ) -> None:
+    def __init__(self, parts: Ros1Parts, readers: TopicReaders, far_services: FarServices) -> None:
         """Know no node yet.
 
         Args:
             readers: learn types from publishers.
-            gateway: hears of publishers.
-            services: hears of services.
             far_services: calls services.
         """
-        self._gateway = gateway
-        self._services = services
+        self._parts = parts
+        self._choices = parts.choices
+        self._types = parts.types
+        self._services = parts.services
         self._far_services = far_services
-        self._choices = choices
-        self._types = types
-        self._log = log
         self._readers = readers
         self._loop = asyncio.get_running_loop()
         self._asked: dict[object, asyncio.Task[None]] = {}
@@ -111,7 +94,7 @@ class OtherNodes:
         del self._asked[key]
         if not task.cancelled() and (error := task.exception()) is not None:
             assert isinstance(error, Exception)
-            self._gateway.fail(error)
+            self._parts.gateway.fail(error)
 
     # Publishers
 
@@ -137,14 +120,14 @@ class OtherNodes:
         gone = [key for key in self._told if key not in passing]
         self._told = passing
         if come or gone:
-            self._gateway.note_endpoints(come, gone, self._loop.time())
+            self._parts.gateway.note_endpoints(come, gone, self._loop.time())
 
     async def _learn(self, one: Endpoint) -> None:
         try:
             await self._readers.learn(one.node, one.topic, one.type_name)
         except LOST as error:
             text = f"{one.node} publishes {one.topic}: its type {one.type_name} is not known: {why_lost(error)}"
-            self._log.tell(text)
+            self._parts.log.tell(text)
         else:
             self._tell_publishers()
 
@@ -175,7 +158,7 @@ class OtherNodes:
             header = await probe(self._choices, there)
         except LOST as error:
             text = f"service {there} of {node} cannot be asked for its type: {why_lost(error)}"
-            self._log.tell(text, logging.INFO)
+            self._parts.log.tell(text, logging.INFO)
             return
         if type_of(header.get("type", "")) is not None and one in self._types_of:
             found = FarService(self._choices.here(there), header["type"], node, header.get("md5sum", ""))

@@ -1,10 +1,15 @@
-"""The choices for our node of ROS 1: its names, its addresses, and its master."""
+"""The choices for our node of ROS 1: its names, its addresses, and its master; and what all its parts share."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
+from rosbridge_sim.graph.gateway.gateway import Gateway
+from rosbridge_sim.graph.gateway.node_services import NodeServices
+from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.ros1_graph import is_name
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
 from rosbridge_sim.graph.ros1.tcpros import Room
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros1.xmlrpc_http import call
@@ -47,3 +52,20 @@ class Ros1Choices(Record):
             GraphError: it refuses, or cannot be reached.
         """
         return await call(self.master, method, self.name, *args, is_master=True)
+
+
+@dataclass(frozen=True)
+class Ros1Parts:
+    """What the parts of the node share; names of topics and services are those of the bus.
+
+    Attributes:
+        log: has each line once.
+        gateway: moves messages.
+        services: moves calls.
+    """
+
+    choices: Ros1Choices
+    types: Ros1Types
+    log: OnceLog
+    gateway: Gateway[Ros1Type]
+    services: NodeServices

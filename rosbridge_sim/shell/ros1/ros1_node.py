@@ -29,7 +29,7 @@ from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.shell.ros1.node_server import NodeServer
 from rosbridge_sim.shell.ros1.other_nodes import OtherNodes
 from rosbridge_sim.shell.ros1.registrations import Registrations
-from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
+from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices, Ros1Parts
 from rosbridge_sim.shell.ros1.service_links import FarServices
 from rosbridge_sim.shell.ros1.topic_readers import MAX_PUBLISHERS, TopicReaders
 from rosbridge_sim.shell.ros1.xmlrpc_http import XmlRpcServer
@@ -68,17 +68,16 @@ class Ros1Node:
         self._choices = choices
         self._stamps = stamps
         self._loop = asyncio.get_running_loop()
-        self._log = log = OnceLog(_log.name)
-        self._far_services = far = FarServices(choices)
-        self.services = services = NodeServices(ROS1_GRAPH, bus, types.find_service, policy, far.call)
+        self._log = OnceLog(_log.name)
+        self._far_services = FarServices(choices)
+        self.services = NodeServices(ROS1_GRAPH, bus, types.find_service, policy, self._far_services.call)
         self.gateway: Gateway[Ros1Type] = Gateway(ROS1_GRAPH, bus, types.find, self, policy, topics=topics)
-        self._readers = readers = TopicReaders(choices, types, log, self._receive)
-        self._others = OtherNodes(
-            choices, types, log, readers, gateway=self.gateway, services=services, far_services=far
-        )
-        self._server = NodeServer(choices, types, log, self._others, gateway=self.gateway, services=services)
-        self._parameters = parameters = MasterParameters(bus.parameters)
-        self._registrations = Registrations(choices, parameters, log)
+        parts = Ros1Parts(choices, types, self._log, self.gateway, self.services)
+        self._readers = TopicReaders(parts)
+        self._others = OtherNodes(parts, self._readers, self._far_services)
+        self._server = NodeServer(parts, self._others)
+        self._parameters = MasterParameters(bus.parameters)
+        self._registrations = Registrations(choices, self._parameters, self._log)
         self._registrations.on_publishers = lambda there, uris: self._readers.set_publishers(there, uris, self._uri)
         self._api = XmlRpcServer(self._answer)
         self._is_ending = False
@@ -102,7 +101,7 @@ class Ros1Node:
         while (due := self.gateway.next_due(0.0)) is not None:
             self.gateway.advance(max(due, self._loop.time()))
         await self._api.start(self._choices.host)
-        await self._server.start()
+        await self._server.start(self._choices.host)
         self._registrations.uri = self._uri
         self._registrations.service_uri = f"rosrpc://{self._choices.shown_host}:{self._server.port}"
         self._parameters.on_change = self.services.on_change = self._is_changed.set
@@ -116,7 +115,7 @@ class Ros1Node:
         tasks, self._tasks = self._tasks - {asyncio.current_task()}, set()
         self._is_ending = self._registrations.is_ending = True
         self._is_changed.set()
-        self._server.stop_listening()
+        self._server.stop_listening()  # nodes connect anew as soon as they lose a topic
         if tasks:  # a registration that is on its way must arrive before its end
             await asyncio.wait(tasks, timeout=LAST_CALL)
         for task in tasks:
@@ -166,9 +165,6 @@ class Ros1Node:
     def write(self, topic: str, raw: bytes) -> bool:
         """See `FarNode`."""
         return self._server.write(topic, raw)
-
-    def _receive(self, topic: str, raw: bytes) -> None:
-        self.gateway.receive(topic, raw, self._loop.time())
 
     # The master
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.gateway.sentences import OnceLog
-from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
+from rosbridge_sim.graph.ros1.ros1_types import Ros1Type
 from rosbridge_sim.graph.ros1.tcpros import MessageCutter
-from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
+from rosbridge_sim.shell.ros1.ros1_choices import Ros1Parts
 from rosbridge_sim.shell.ros1.topic_links import LOST, misfit, open_stream, receive, why_lost
 from rosbridge_sim.shell.ros1.xmlrpc_http import call
 
@@ -43,18 +41,10 @@ class _Reader:
 class TopicReaders:
     """All topics that our node subscribes to, by their names on the bus."""
 
-    def __init__(
-        self, choices: Ros1Choices, types: Ros1Types, log: OnceLog, take: Callable[[str, bytes], None]
-    ) -> None:
-        """Subscribe to nothing yet.
-
-        Args:
-            take: gets each message: name of its topic, and bytes.
-        """
-        self._choices = choices
-        self._types = types
-        self._log = log
-        self._take = take
+    def __init__(self, parts: Ros1Parts) -> None:
+        """Subscribe to nothing yet."""
+        self._parts = parts
+        self._choices = parts.choices
         self._readers: dict[str, _Reader] = {}
         self._connecting = asyncio.Semaphore(MAX_CONNECTING)
 
@@ -91,7 +81,7 @@ class TopicReaders:
             return
         found = [uri for uri in uris if isinstance(uri, str) and uri != own_uri]
         if len(found) > MAX_PUBLISHERS:
-            self._log.tell(f"{topic} has more than {MAX_PUBLISHERS} publishers: the others are not heard")
+            self._parts.log.tell(f"{topic} has more than {MAX_PUBLISHERS} publishers: the others are not heard")
         reader.keep(found := found[:MAX_PUBLISHERS])
         for uri in found:
             if uri not in reader.tasks:
@@ -105,23 +95,24 @@ class TopicReaders:
                 await self._take_messages(topic, own, uri)
                 pause = FIRST_WAIT
             except LOST as error:
-                self._log.tell(f"{topic}: a publisher cannot be heard: {why_lost(error)}")
+                self._parts.log.tell(f"{topic}: a publisher cannot be heard: {why_lost(error)}")
                 pause = min(2 * pause, LONGEST_WAIT)
             await asyncio.sleep(pause)
 
     async def _take_messages(self, topic: str, own: Ros1Type, uri: str) -> None:
-        fields = {"type": own.name, "md5sum": own.md5, "message_definition": self._types.text(own.name)}
+        fields = {"type": own.name, "md5sum": own.md5, "message_definition": self._parts.types.text(own.name)}
         stream, writer, header = await self._connect(uri, topic, fields)
         cutter = MessageCutter(self._choices.max_message_size, self._choices.room)
         try:
             if header.get("md5sum", "*") not in {"*", own.md5}:
                 raise GraphError(misfit(own, header, header.get("callerid", uri)))
-            await receive(stream, cutter, partial(self._take, topic))
+            take, time = self._parts.gateway.receive, asyncio.get_running_loop().time
+            await receive(stream, cutter, lambda raw: take(topic, raw, time()))
         finally:
             writer.close()
             cutter.close()
             if cutter.num_skipped:
-                self._log.tell(f"{topic}: messages beyond --max-frame-size are dropped")
+                self._parts.log.tell(f"{topic}: messages beyond --max-frame-size are dropped")
 
     async def learn(self, node: str, topic: str, type_name: str) -> None:
         """Learn the type of a topic from the header that its publisher sends.
@@ -133,7 +124,7 @@ class TopicReaders:
         fields = {"type": type_name, "md5sum": "*", "message_definition": ""}
         _, writer, header = await self._connect(uri, topic, fields)
         writer.close()
-        self._types.learn(type_name, header.get("message_definition", ""), header.get("md5sum", ""))
+        self._parts.types.learn(type_name, header.get("message_definition", ""), header.get("md5sum", ""))
 
     async def _connect(
         self, uri: str, topic: str, fields: dict[str, str]

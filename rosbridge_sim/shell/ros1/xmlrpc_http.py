@@ -1,4 +1,4 @@
-"""XML-RPC over HTTP on the event loop: calls of a master and of nodes, and our own node's server.
+"""XML-RPC over HTTP on the event loop: calls of a master and of nodes, and our own node's server; and its sockets.
 
 `xmlrpc.client.ServerProxy` would block the loop. Of HTTP there is as much as programs of ROS 1 use.
 """
@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import asyncio
-import logging
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 from urllib.parse import urlsplit
 
 from rosbridge_sim.errors import GraphError
@@ -39,8 +39,6 @@ MAX_HEAD: Final = 16 * 1024
 
 MAX_CONNECTIONS: Final = 100
 """Most connections at once to our server; rosmaster keeps one. One more takes the place of the longest idle one."""
-
-_log = logging.getLogger("rosbridge_sim.ros1")
 
 Answer = Callable[[str, Sequence[Any]], list[Any]]
 """`(method, args)`: returns `[code, text, value]`. Mistakes in the arguments may raise."""
@@ -145,24 +143,25 @@ async def _read_message(reader: asyncio.StreamReader, max_size: int) -> tuple[by
 _MAX_DIGITS: Final = 12
 
 
-class XmlRpcServer:
-    """Our node's server of XML-RPC.
+class BoundedServer(ABC):
+    """A server with a bounded number of connections; one more takes the place of the one that is idle for longest.
 
     Attributes:
+        most: most connections at once.
+        limit: size of the buffer of what comes over one [bytes].
         port: where it listens.
+        idle: connections that may be ended for another one, longest idle first; all of them at their beginning.
     """
 
-    def __init__(self, answer: Answer) -> None:
-        """Listen nowhere yet.
+    most: ClassVar[int]
+    limit: ClassVar[int]
 
-        Args:
-            answer: answers the calls.
-        """
+    def __init__(self) -> None:
+        """Listen nowhere yet."""
         self.port = 0
-        self._answer = answer
+        self.idle: dict[asyncio.StreamWriter, None] = {}
         self._server: asyncio.Server | None = None
-        self._writers: dict[asyncio.StreamWriter, None] = {}  # longest idle first
-        self._turn = asyncio.Lock()
+        self._connections: set[asyncio.StreamWriter] = set()
 
     async def start(self, host: str) -> None:
         """Listen on a free port of a host.
@@ -170,37 +169,76 @@ class XmlRpcServer:
         Raises:
             OSError: the host cannot be used.
         """
-        self._server = await asyncio.start_server(self._serve, host, 0, limit=MAX_HEAD)
+        self._server = await asyncio.start_server(self._accept, host, 0, limit=self.limit)
         self.port = self._server.sockets[0].getsockname()[1]
 
-    def stop(self) -> None:
-        """End all connections."""
+    def stop_listening(self) -> None:
+        """Take no more connections."""
         if self._server is not None:
             self._server.close()
             self._server = None
-        for writer in list(self._writers):
+
+    def stop(self) -> None:
+        """End all connections."""
+        self.stop_listening()
+        for writer in list(self._connections):
             writer.transport.abort()
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        if self._server is None:  # it came just before the end
+    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        has_ended = self._server is None  # it came just before the end
+        if has_ended or (len(self._connections) >= self.most and not self._make_room()):
             writer.transport.abort()
             return
-        if len(self._writers) >= MAX_CONNECTIONS:
-            idle = next(iter(self._writers))
-            del self._writers[idle]
-            idle.transport.abort()
-        self._writers[writer] = None
+        self._connections.add(writer)
+        self.idle[writer] = None
         try:
-            while await self._serve_one(reader, writer):
-                self._writers[writer] = self._writers.pop(writer, None)  # the last one now
+            await self._serve(reader, writer)
         except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError):
             pass  # the other side has gone, is silent, or speaks something else
+        finally:
+            self._forget(writer)
+            writer.close()
+
+    def _forget(self, writer: asyncio.StreamWriter) -> None:
+        self._connections.discard(writer)
+        self.idle.pop(writer, None)
+
+    def _make_room(self) -> bool:
+        """End the connection that is idle for longest; return False if none is idle."""
+        longest = next(iter(self.idle), None)
+        if longest is not None:
+            self._forget(longest)
+            longest.transport.abort()
+        return longest is not None
+
+    @abstractmethod
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serve a connection until its end."""
+
+
+class XmlRpcServer(BoundedServer):
+    """Our node's server of XML-RPC."""
+
+    most = MAX_CONNECTIONS
+    limit = MAX_HEAD
+
+    def __init__(self, answer: Answer) -> None:
+        """Listen nowhere yet.
+
+        Args:
+            answer: answers the calls.
+        """
+        super().__init__()
+        self._answer = answer
+        self._turn = asyncio.Lock()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        try:
+            while await self._serve_one(reader, writer):
+                self.idle[writer] = self.idle.pop(writer, None)  # the last one now
         except GraphError as error:
             with suppress(OSError):
                 send(writer, _http("400 Bad Request", str(error).encode(), "text/plain", is_last=True))
-        finally:
-            self._writers.pop(writer, None)
-            writer.close()
 
     async def _serve_one(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> bool:
         """Answer a request; return False if it was the last one of its connection."""

@@ -447,7 +447,7 @@ async def test_malformed_headers_end_their_connection_alone(joined: Joined, line
 
 
 async def test_connections_that_say_nothing_make_way_for_nodes(joined: Joined, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(node_server, "MAX_CONNECTIONS", 20)
+    monkeypatch.setattr(node_server.NodeServer, "most", 20)
     await joined.client.send("advertise", topic="/words", type="std_msgs/String")
     await joined.registered("/words")
     host, port = await joined.node.ask_topic("/words")
