@@ -1,11 +1,16 @@
-"""A graph of ROS nodes as the gateway sees it: endpoints of other programs, and our node there, made by `shell/`."""
+"""A graph of ROS nodes as the gateway sees it: endpoints, our node there, and all nodes as one participant of a bus."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
+from rosbridge_sim.errors import Reason
+from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.quality import Quality
+from rosbridge_sim.graph.gateway.sentences import OnceLog
+from rosbridge_sim.graph.policy import Guest, Policy
+from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
@@ -181,3 +186,46 @@ class FarNode(Protocol[Given_contra]):
         Returns:
             False if it was dropped, because too much waits for a slow subscriber already.
         """
+
+
+Found = TypeVar("Found")
+"""The type of a message, a service or an action, as nodes know it."""
+
+
+class FarNodes(Guest, Generic[Found]):
+    """All nodes of a graph, as a participant of the bus.
+
+    Attributes:
+        name: stands for the name of a node in rosapi's lists.
+        address: stands for the address of a client, in the log.
+        op: op of the bus that nodes do, for the account of refusals.
+    """
+
+    op: str
+
+    def __init__(self, graph: FarGraph, bus: Bus, find: Callable[[str], Found], policy: Policy) -> None:
+        """Hold nothing yet.
+
+        Args:
+            graph: the kind of graph.
+            bus: our bus.
+            find: returns the type of a name (`pkg/Type` in any spelling) as nodes there know it; raises PeerError if
+                there is none, or nodes cannot exchange it.
+            policy: rights of all clients.
+        """
+        self.name, self.address = graph.name, graph.title
+        self.policy = policy
+        self._graph = graph
+        self._bus = bus
+        self._find_type = find
+        self._log = OnceLog(graph.logger)
+
+    def notify(self, level: str, text: str) -> None:
+        """Log a notice of the bus."""
+        self._log.notify(level, text)
+
+    def _report(self, name: str, reason: Reason | None, text: str, node: str = "") -> None:
+        """Report a mistake of a node, as one of a client."""
+        who = f"{self.address} node {node}" if node else self.address
+        refusal = RefusedRequest(who, reason or Reason.REFUSED, self.op, name, text)
+        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)

@@ -5,77 +5,43 @@ from __future__ import annotations
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping
-from typing import Generic, TypeVar
 
 from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import HIDDEN, Action
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import FarGraph, FarService
-from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some
+from rosbridge_sim.graph.gateway.far_graph import FarGraph, FarNodes, FarService, Found
+from rosbridge_sim.graph.gateway.sentences import name_some
 from rosbridge_sim.graph.participant import OfferKind, Participant
-from rosbridge_sim.graph.policy import Guest, Policy, is_allowed
-from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.policy import Policy, is_allowed
 from rosbridge_sim.graph.topics_services import Service
 
-Offer = TypeVar("Offer")
-"""The type of a service or an action, as nodes know it."""
 
-
-class FarOffers(Guest, ABC, Generic[Offer]):
+class FarOffers(FarNodes[Found], ABC):
     """Services or actions of nodes, as a participant of the bus that offers them.
 
     Attributes:
-        name: stands for the name of a node in rosapi's lists.
-        address: stands for the address of a client, in the log.
         foreign: services or actions of nodes that are on the bus now, by name.
+        is_offered: returns whether nodes may use one of a name and an owner, for which the policy lets them.
     """
 
     kind: OfferKind
-    op: str
-    """Op of the bus by which a node uses one of ours, for the account of refusals."""
-
     most: int
     """Most of them in each direction."""
 
     missing: Reason
     """The reason for one that does not exist."""
 
-    def __init__(
-        self,
-        graph: FarGraph,
-        bus: Bus,
-        find: Callable[[str], Offer],
-        policy: Policy,
-        *,
-        known: Mapping[str, Service | Action],
-        check_use: Callable[[str], None],
-        is_offered: Callable[[str, Participant], bool],
-    ) -> None:
-        """Offer nothing yet.
+    _known: Mapping[str, Service | Action]
+    """Those on the bus, by name."""
 
-        Args:
-            graph: the kind of graph.
-            bus: our bus.
-            find: returns the type of a name as nodes there know it; see `Gateway`.
-            policy: rights of all clients.
-            known: those on the bus, by name.
-            check_use: raises GraphError if nodes must not use one of a name.
-            is_offered: returns whether nodes may use one of an owner, for which the policy lets them.
-        """
-        self.name, self.address = graph.name, graph.title
+    _check_use: Callable[[str], None]
+    """Raises GraphError if nodes must not use one of a name."""
+
+    def __init__(self, graph: FarGraph, bus: Bus, find: Callable[[str], Found], policy: Policy) -> None:
+        """Offer nothing yet; see `FarNodes`."""
+        super().__init__(graph, bus, find, policy)
         self.foreign: dict[str, FarService] = {}
-        self._graph = graph
-        self._bus = bus
-        self.policy = policy
-        self._find_type = find
-        self._known = known
-        self._check_use = check_use
-        self._is_offered = is_offered
-        self._log = OnceLog(graph.logger)
-
-    def notify(self, level: str, text: str) -> None:
-        """Log a notice of the bus."""
-        self._log.notify(level, text)
+        self.is_offered: Callable[[str, Participant], bool] = lambda _name, _owner: True
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
         """See `Participant`: another participant provides it from now on."""
@@ -119,9 +85,9 @@ class FarOffers(Guest, ABC, Generic[Offer]):
         is_own = name.startswith(self._graph.own_folders)
         return not is_own and HIDDEN not in name and self._graph.is_name(name)
 
-    def offered(self) -> dict[str, Offer]:
+    def offered(self) -> dict[str, Found]:
         """Return those of the bus that nodes may use, by name, with their types."""
-        found: dict[str, Offer] = {}
+        found: dict[str, Found] = {}
         for name, one in self._known.items():
             if not self._may_offer(name, one.owner):
                 continue
@@ -136,9 +102,9 @@ class FarOffers(Guest, ABC, Generic[Offer]):
 
     def _may_offer(self, name: str, owner: Participant) -> bool:
         is_foreign = owner is not self and self._passes(name)
-        return is_foreign and is_allowed(self._check_use, name) and self._is_offered(name, owner)
+        return is_foreign and is_allowed(self._check_use, name) and self.is_offered(name, owner)
 
-    def find(self, name: str) -> Offer:
+    def find(self, name: str) -> Found:
         """Return the type of one of the bus.
 
         Raises:
@@ -153,7 +119,7 @@ class FarOffers(Guest, ABC, Generic[Offer]):
         return self._find_type(one.type.name)
 
     @abstractmethod
-    def _provide(self, one: FarService, found: Offer) -> None:
+    def _provide(self, one: FarService, found: Found) -> None:
         """Offer one on the bus.
 
         Raises:
@@ -171,9 +137,3 @@ class FarOffers(Guest, ABC, Generic[Offer]):
             who = "a client of this server" if known.owner.is_guest else known.owner.name
             article = "an" if self.kind == "action" else "a"
             raise GraphError(f"{who} provides {article} {self.kind} of this name", reason=Reason.NAME_TAKEN)
-
-    def _refuse(self, name: str, reason: Reason | None, text: str, node: str = "") -> None:
-        """Note that a node may not use one of ours, or did it wrongly."""
-        who = f"{self.address} node {node}" if node else self.address
-        refusal = RefusedRequest(who, reason or Reason.REFUSED, self.op, name, text)
-        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)

@@ -20,12 +20,11 @@ from typing import Final, Generic
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, Type
+from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, FarNodes, Type
 from rosbridge_sim.graph.gateway.quality import Quality
-from rosbridge_sim.graph.gateway.sentences import OnceLog, name_some, node_text
+from rosbridge_sim.graph.gateway.sentences import name_some, node_text
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
-from rosbridge_sim.graph.policy import Guest, Policy, Rule, is_allowed
-from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.policy import Policy, Rule, is_allowed
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
@@ -78,14 +77,14 @@ class _Reader(Generic[Type]):
     quality: Quality
 
 
-class Gateway(Guest, Generic[Type]):
+class Gateway(FarNodes[Type]):
     """All programs on a graph of ROS nodes, as one participant of our bus.
 
     Attributes:
-        name: name of its node in rosapi's lists.
-        address: stands for the address of a client, in the log.
         num_received, num_sent, num_dropped: messages from the graph, to it, and dropped for slow subscribers there.
     """
+
+    op = "publish"
 
     def __init__(
         self,
@@ -101,20 +100,13 @@ class Gateway(Guest, Generic[Type]):
         """Start without writers and readers; the first `advance` makes them.
 
         Args:
-            find: returns the type of a name (`pkg/Type` in any spelling) as nodes there know it; raises PeerError if
-                there is none, or nodes cannot exchange it.
-            policy: rights of all clients.
+            find: see `FarNodes`, as for `graph`, `bus` and `policy`.
             topics: topics that pass, in both directions.
             qualities: pattern of topics, and the quality of our publishers there; the first that matches.
         """
-        self.name, self.address = graph.name, graph.title
+        super().__init__(graph, bus, find, policy)
         self.num_received = self.num_sent = self.num_dropped = 0
-        self._graph = graph
-        self._log = logging.getLogger(graph.logger)
-        self._bus = bus
-        self._find_type = find
         self._node = node
-        self.policy = policy
         self._topics = topics
         self._qualities = [(Rule((pattern,)), quality) for pattern, quality in qualities]
         self._writers: dict[str, _Writer[Type]] = {}
@@ -122,7 +114,6 @@ class Gateway(Guest, Generic[Type]):
         self._endpoints: dict[str, Endpoint] = {}
         self._by_topic: dict[tuple[str, bool], dict[str, Endpoint]] = {}  # by name, and whether it is a writer
         self._advertised: dict[str, str] = {}
-        self._lines = OnceLog(graph.logger)
         self._untold: dict[str, _Untold] = {}  # by the key of the endpoint
         self._tell_at: float | None = None
         self._refused: set[tuple[str, str]] = set()
@@ -136,14 +127,10 @@ class Gateway(Guest, Generic[Type]):
 
     # As a participant of the bus
 
-    def notify(self, level: str, text: str) -> None:
-        """Log a notice of the bus."""
-        self._lines.notify(level, text)
-
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
         """See `Participant`: a part of the server publishes there from now on."""
         self._advertised.pop(name, None)
-        self._lines.tell(f"{kind} {name}: {why}")
+        self._log.tell(f"{kind} {name}: {why}")
 
     def nodes(self, role: NodeRole, name: str) -> Iterable[str]:
         """See `Participant`. A program that has told no name counts as this gateway."""
@@ -153,7 +140,8 @@ class Gateway(Guest, Generic[Type]):
 
     def fail(self, error: Exception) -> None:
         """See `Guarded`: all ends, and nothing passes any more."""
-        self._log.error("internal error; nothing passes to or from %s any more", self.address, exc_info=error)
+        log = logging.getLogger(self._graph.logger)
+        log.error("internal error; nothing passes to or from %s any more", self.address, exc_info=error)
         self.leave(self._now)
 
     def leave(self, now: float) -> None:
@@ -198,7 +186,7 @@ class Gateway(Guest, Generic[Type]):
                 if endpoint.is_named:
                     self._name_untold(endpoint.key, endpoint, now)
             else:
-                self._lines.tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
+                self._log.tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
         self._mark(now)
 
     def receive(self, name: str, raw: bytes, now: float) -> None:
@@ -244,9 +232,8 @@ class Gateway(Guest, Generic[Type]):
         if self._num_opened > self._graph.endpoints_per_turn or self._num_advertised > ADVERTISED_PER_TURN:
             self._due = now
 
-    def end(self, error: Exception) -> None:
-        """See `Endable`."""
-        self.fail(error)
+    end = fail
+    """See `Endable`."""
 
     def _mark(self, now: float) -> None:
         """Have `advance` look at all topics, soon."""
@@ -304,7 +291,7 @@ class Gateway(Guest, Generic[Type]):
     def _advertise(self, name: str, far_type: Type, endpoint: Endpoint | None = None) -> bool:
         """Advertise a topic on the bus for a program on the graph; return False if that is refused."""
         if len(self._advertised) >= MAX_TOPICS:
-            self._lines.tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
+            self._log.tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
             return False
         try:
             self.policy.check_publish(name, far_type.type.name)
@@ -349,7 +336,7 @@ class Gateway(Guest, Generic[Type]):
 
     def _open_writer(self, topic: Topic, far_type: Type) -> bool:
         if len(self._writers) >= MAX_TOPICS:
-            self._lines.tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
+            self._log.tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
             return False
         self._num_opened += 1
         if self._num_opened > self._graph.endpoints_per_turn:
@@ -358,7 +345,7 @@ class Gateway(Guest, Generic[Type]):
         try:
             self._node.open_writer(topic.name, far_type, quality, is_sole=topic.owner is not None)
         except GraphError as error:
-            self._lines.tell(f"{topic.name} cannot be published: {error}")
+            self._log.tell(f"{topic.name} cannot be published: {error}")
             self._refused.add((topic.name, far_type.name))
             return False
         subscription = self._bus.subscribe(
@@ -401,7 +388,7 @@ class Gateway(Guest, Generic[Type]):
                     self._mark(self._now)  # see `_set_writers`
         for name in [name for name in wanted if name not in self._readers]:
             if len(self._readers) >= MAX_TOPICS:
-                self._lines.tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
+                self._log.tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
                 return
             self._num_opened += 1
             if self._num_opened > self._graph.endpoints_per_turn:
@@ -422,7 +409,7 @@ class Gateway(Guest, Generic[Type]):
         try:
             self._node.open_reader(name, far_type, quality)
         except GraphError as error:
-            self._lines.tell(f"{name} cannot be subscribed to: {error}")
+            self._log.tell(f"{name} cannot be subscribed to: {error}")
             self._refused.add((name, far_type.name))
             return
         self._readers[name] = _Reader(far_type, quality)
@@ -485,17 +472,16 @@ class Gateway(Guest, Generic[Type]):
         try:
             found = self._find_type(topic.type.name)
         except PeerError as error:
-            self._lines.tell(f"{topic.name} does not pass: {error}", logging.INFO)
+            self._log.tell(f"{topic.name} does not pass: {error}", logging.INFO)
             return None
         return None if (topic.name, found.name) in self._refused else found
 
     def _refuse(self, name: str, error: PeerError) -> None:
         """Report a message of the graph that does not fit, as a client's mistake."""
         text = f"{name}: {error}"
-        self._lines.tell(f"a message is dropped: {text}")
+        self._log.tell(f"a message is dropped: {text}")
         reason = error.reason if isinstance(error, (FieldError, GraphError)) else Reason.REFUSED
-        refusal = RefusedRequest(self.address, reason, "publish", name, text)
-        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
+        self._report(name, reason, text)
 
     def _tell_of(self, endpoint: Endpoint, why: str, kind: object = None, level: int = logging.WARNING) -> None:
         """Log why a topic of another program does not pass, as soon as the name of its node is known.
@@ -532,4 +518,4 @@ class Gateway(Guest, Generic[Type]):
             topics = name_some(list(dict.fromkeys(one.endpoint.topic for one in same)))
             text = f"{node_text(first.endpoint.node, first.endpoint.program)} publishes {topics}, which does not pass"
             advice = f": {self._graph.one_too_many}" if first.kind is Reason.NAME_TAKEN else ""
-            self._lines.tell(f"{text}: {first.why}{advice}", first.level)
+            self._log.tell(f"{text}: {first.why}{advice}", first.level)

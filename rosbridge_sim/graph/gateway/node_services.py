@@ -17,7 +17,7 @@ from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarCall, FarGraph, FarService, FarServiceType, OnReply
 from rosbridge_sim.graph.gateway.far_offers import FarOffers
-from rosbridge_sim.graph.participant import NodeRole, Participant
+from rosbridge_sim.graph.participant import NodeRole
 from rosbridge_sim.graph.policy import Guest, Policy
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.schema.message import Message
@@ -75,17 +75,14 @@ class NodeServices(FarOffers[FarServiceType]):
         find: Callable[[str], FarServiceType],
         policy: Policy,
         far_call: FarCall,
-        *,
-        is_offered: Callable[[str, Participant], bool] = lambda _name, _owner: True,
     ) -> None:
         """Offer nothing yet.
 
         Args:
-            far_call: calls services of nodes. The others are those of `FarOffers`.
+            far_call: calls services of nodes. The others are those of `FarNodes`.
         """
-        super().__init__(
-            *(graph, bus, find, policy), known=bus.services, check_use=policy.check_call, is_offered=is_offered
-        )
+        super().__init__(graph, bus, find, policy)
+        self._known, self._check_use = bus.services, policy.check_call
         self.callers: dict[str, CallingNode] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.check_request: Callable[[str, Call], None] = lambda _name, _call: None
@@ -124,7 +121,7 @@ class NodeServices(FarOffers[FarServiceType]):
             service = self.find(name)
             value = service.request.decode(request, self._bus.stamp_ns)
         except PeerError as error:
-            self._refuse(name, error.reason, str(error), node)
+            self._report(name, error.reason, str(error), node)
             on_reply(False, str(error).encode())  # noqa: FBT003 - see `OnReply`
             return
 
@@ -134,7 +131,7 @@ class NodeServices(FarOffers[FarServiceType]):
                 return
             why = answer.values if isinstance(answer.values, str) else orjson.dumps(answer.values, default=str).decode()
             if answer.reason is not None:
-                self._refuse(name, answer.reason, why, node)
+                self._report(name, answer.reason, why, node)
             on_reply(False, why.encode())  # noqa: FBT003 - see `OnReply`
 
         body = service.request.type.encode_json(value)

@@ -2,31 +2,33 @@
 
 The writer is the one of `ros_serialization.py`. A store of ROS 1 has the same layout for nearly all types, apart from
 the `seq` of a header, which ROS 2 does not have; the few others go through JSON and the type of ROS 2. The reader is
-that of rosbags. What it read is checked like a body of any client.
+that of rosbags, which computes ROS 2's hash of a type, too. What it read is checked like a body of any client. rosbags
+can read definition texts, but its parser takes tens of milliseconds for each type, and the types are parsed already.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from rosbags.interfaces import Nodetype
+from rosbags.interfaces.typing import Fielddefs, Typesdict
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
 from rosbridge_sim.graph.gateway.far_graph import FarServiceType
 from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import Record
-from rosbridge_sim.schema.definitions.message_spec import layout_of
-from rosbridge_sim.schema.definitions.names import spelled
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec, layout_of
+from rosbridge_sim.schema.definitions.names import ros2_names, spelled
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.plain_values import plain_message, without_unknown
 from rosbridge_sim.schema.ros_serialization import RosWriters
 from rosbridge_sim.schema.store import Store
-
-if TYPE_CHECKING:  # an import of a tenth of a second that only a node of ROS 2 needs
-    from rosbags.interfaces.typing import Fielddefs, Typesdict
-    from rosbags.typesys.store import Typestore
 
 MAX_OBJECTS: Final = 4_000
 """Most messages and texts within a message that is read: reading them takes 50 ms."""
@@ -121,8 +123,6 @@ class CdrTypes:
     """
 
     def __init__(self, store: Store, ros2: Store) -> None:
-        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - see above
-
         assert ros2.ros == 2  # noqa: PLR2004 - a generation
         self._store = store
         self._ros2 = ros2
@@ -176,11 +176,9 @@ class CdrTypes:
         return known
 
     def _make(self, message_type: MessageType, cdr_type: MessageType) -> CdrType:
-        from rosbridge_sim.graph.ros2.rosbags_types import types_in  # noqa: PLC0415 - see above
-
         name = message_type.name
         cdr_type.encode_raw(cdr_type.default())  # raises now if ROS 2 cannot write the type
-        types = types_in(cdr_type.spec)
+        types = _types_by_name(cdr_type.spec)
         is_same = layout_of(message_type.spec) == layout_of(cdr_type.spec)
         if not is_same:
             try:
@@ -196,3 +194,45 @@ class CdrTypes:
 
 _MAX_TYPES: Final = 10_000
 """Types that are remembered; a server knows fewer, unless clients name ever new ones."""
+
+
+_TIMES: Final = {"time": "builtin_interfaces/msg/Time", "duration": "builtin_interfaces/msg/Duration"}
+
+_TIME_FIELDS: Final[Fielddefs] = [("sec", (Nodetype.BASE, ("int32", 0))), ("nanosec", (Nodetype.BASE, ("uint32", 0)))]
+
+
+def _types_by_name(spec: MessageSpec) -> Typesdict:
+    """Return a type and all types in it, by the names of ROS 2: `pkg/msg/Type` -> no constants, and the fields.
+
+    Args:
+        spec: a type of a store of ROS 2.
+    """
+    return {name: ([], found) for name, found in _types_in(spec)}
+
+
+def _types_in(spec: MessageSpec) -> Iterator[tuple[str, Fielddefs]]:
+    names = {name: other for other, name in ros2_names(spec.fields).items()}
+    yield (
+        spelled(spec.name, "msg", 2),
+        [(names.get(name, name), _described(field)) for name, field in spec.fields.items()],
+    )
+    for field in spec.fields.values():
+        if field.nested is not None:
+            yield from _types_in(field.nested)
+        elif field.definition.type in _TIMES:
+            yield _TIMES[field.definition.type], _TIME_FIELDS
+
+
+def _described(field: FieldSpec) -> Any:  # noqa: ANN401 - rosbags' types have no name for it
+    """Return the type of a field."""
+    one = field.definition
+    base: tuple[Nodetype, object]
+    if field.nested is not None:
+        base = (Nodetype.NAME, spelled(field.nested.name, "msg", 2))
+    elif one.type in _TIMES:
+        base = (Nodetype.NAME, _TIMES[one.type])
+    else:
+        base = (Nodetype.BASE, (one.type, one.max_chars or 0))
+    if one.array is None:
+        return base
+    return (Nodetype.ARRAY if one.array and not one.is_bounded else Nodetype.SEQUENCE, (base, one.array))

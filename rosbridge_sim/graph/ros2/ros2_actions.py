@@ -15,7 +15,7 @@ from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarService
 from rosbridge_sim.graph.gateway.far_offers import FarOffers
-from rosbridge_sim.graph.participant import NodeRole, Participant
+from rosbridge_sim.graph.participant import NodeRole
 from rosbridge_sim.graph.policy import Policy
 from rosbridge_sim.graph.ros2.cdr_types import CdrActionType, CdrTypes
 from rosbridge_sim.graph.ros2.ros2_graph import ROS2_GRAPH
@@ -81,15 +81,7 @@ class Ros2Actions(FarOffers[CdrActionType]):
     most = MAX_ACTIONS
     missing = Reason.NO_SUCH_ACTION
 
-    def __init__(
-        self,
-        bus: Bus,
-        types: CdrTypes,
-        policy: Policy,
-        send_goal: SendGoal,
-        *,
-        is_offered: Callable[[str, Participant], bool] = lambda _name, _owner: True,
-    ) -> None:
+    def __init__(self, bus: Bus, types: CdrTypes, policy: Policy, send_goal: SendGoal) -> None:
         """Offer nothing yet.
 
         Args:
@@ -97,12 +89,9 @@ class Ros2Actions(FarOffers[CdrActionType]):
             types: its types as nodes know them.
             policy: rights of all clients.
             send_goal: sends goals to nodes.
-            is_offered: see `FarOffers`.
         """
-        known, check_use = bus.actions.by_name, policy.check_goal
-        super().__init__(
-            *(ROS2_GRAPH, bus, types.find_action, policy), known=known, check_use=check_use, is_offered=is_offered
-        )
+        super().__init__(ROS2_GRAPH, bus, types.find_action, policy)
+        self._known, self._check_use = bus.actions.by_name, policy.check_goal
         self._send_goal = send_goal
         self._cancels: dict[Goal, Callable[[], None]] = {}
 
@@ -149,7 +138,7 @@ class Ros2Actions(FarOffers[CdrActionType]):
         return goal
 
     def _reject(self, name: str, reason: Reason | None, text: str) -> None:
-        self._refuse(name, reason, text)
+        self._report(name, reason, text)
         self._log.tell(f"a goal of a node is rejected: {text}", logging.INFO)
 
     # Actions of nodes, for the bus

@@ -173,7 +173,7 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     scheduler.add(gateway)
     offers = None
     if rclpy is not None:
-        offers = _make_offers(rclpy, bus, types, policy, partial(is_for_nodes, settings))
+        offers = _make_offers(settings, rclpy, bus, types, policy)
         offers.on_change = scheduler.look
         scheduler.add(offers)
     where = f"ROS_DOMAIN_ID={settings.ros2_domain}"
@@ -188,15 +188,13 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     return JoinedRos2(gateway, node, offers)
 
 
-def _make_offers(
-    rclpy: RclpyNode, bus: Bus, types: CdrTypes, policy: Policy, is_offered: Callable[[str, Participant], bool]
-) -> _Offers:
-    loop = asyncio.get_running_loop()
-    far_services, far_actions = RclpyServices(rclpy, loop), RclpyActions(rclpy, loop)
-    services = NodeServices(ROS2_GRAPH, bus, types.find_service, policy, far_services.call, is_offered=is_offered)
+def _make_offers(settings: Settings, rclpy: RclpyNode, bus: Bus, types: CdrTypes, policy: Policy) -> _Offers:
+    far_services, far_actions = RclpyServices(rclpy), RclpyActions(rclpy)
+    services = NodeServices(ROS2_GRAPH, bus, types.find_service, policy, far_services.call)
     parameters = RemoteParameters(bus, policy, lambda service: service.owner is services)
     services.check_request = parameters.check_request
-    actions = Ros2Actions(bus, types, policy, far_actions.send_goal, is_offered=is_offered)
+    actions = Ros2Actions(bus, types, policy, far_actions.send_goal)
+    services.is_offered = actions.is_offered = partial(is_for_nodes, settings)
     far_services.services, far_actions.actions = services, actions
     offers = _Offers((services, far_services), (actions, far_actions))
     services.on_change = offers.mark

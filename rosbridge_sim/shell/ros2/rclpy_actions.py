@@ -32,9 +32,8 @@ class RclpyActions(RclpyOffers[CdrActionType]):
 
     kind = "action"
 
-    def __init__(self, node: RclpyNode, loop: asyncio.AbstractEventLoop) -> None:
-        super().__init__(node, loop)
-        self.actions: Ros2Actions | None = None
+    actions: Ros2Actions
+    """The actions of the bus; set before the first offer."""
 
     # Actions of nodes
 
@@ -201,9 +200,9 @@ class _ServedGoal:
         self._is_late = not self._judged.wait(VERDICT_PATIENCE)
         return self._goal is not None and not self._is_late
 
-    def take(self, actions: Ros2Actions | None, name: str, raw: bytes) -> None:
+    def take(self, actions: Ros2Actions, name: str, raw: bytes) -> None:
         """Ask the bus (this and all below is for the loop)."""
-        self._goal = None if actions is None or self._is_late else actions.send(name, raw, self)
+        self._goal = None if self._is_late else actions.send(name, raw, self)
         self._judged.set()
         if self._is_late and self._goal is not None:
             self._goal.abandon()

@@ -98,7 +98,7 @@ class RclpyNode:
         self.types = types
         self.on_offers: Callable[[list[FarService], list[FarService]], None] = lambda _services, _actions: None
         self._namespace = choices.namespace
-        self._loop = loop
+        self.loop = loop
         self._context = Context()
         try:
             with _environment(choices.discovery):
@@ -134,11 +134,6 @@ class RclpyNode:
         self._is_at_work = False
         sys.setswitchinterval(min(sys.getswitchinterval(), SWITCH_INTERVAL))
         self._thread = threading.Thread(target=self._spin, name="rclpy", daemon=True)
-
-    @property
-    def full_name(self) -> str:
-        """Full name of the node on the graph."""
-        return f"{self._namespace}/{NODE_NAME}"
 
     def hide(self, program: bytes) -> None:
         """Take no notice of the endpoints of a program.
@@ -257,7 +252,7 @@ class RclpyNode:
         if echoes and any(start <= stamp_ns <= end and hash(raw) == key for start, end, key in echoes):
             return
         if self.far(topic) in self._readers:
-            self.on_message(topic, raw, self._loop.time())
+            self.on_message(topic, raw, self.loop.time())
 
     # The graph
 
@@ -281,7 +276,7 @@ class RclpyNode:
                 del self._foreign[topic]
             with suppress(GraphError):
                 self._match_reader(topic)
-        self.on_endpoints(found, [one.key for one in lost], self._loop.time())
+        self.on_endpoints(found, [one.key for one in lost], self.loop.time())
 
     # Small parts
 

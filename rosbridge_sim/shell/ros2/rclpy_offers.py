@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -28,9 +27,9 @@ class RclpyOffers(ABC, Generic[Offer]):
 
     kind: str
 
-    def __init__(self, node: RclpyNode, loop: asyncio.AbstractEventLoop) -> None:
+    def __init__(self, node: RclpyNode) -> None:
         self._node = node
-        self._loop = loop
+        self._loop = node.loop
         self._offered: dict[str, tuple[Offer, RclpyObject]] = {}
         self._clients: dict[str, RclpyObject] = {}
         self._log = OnceLog(ROS2_GRAPH.logger)

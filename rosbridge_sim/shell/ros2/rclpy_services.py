@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
@@ -39,9 +38,11 @@ class RclpyServices(RclpyOffers[FarServiceType]):
 
     kind = "service"
 
-    def __init__(self, node: RclpyNode, loop: asyncio.AbstractEventLoop) -> None:
-        super().__init__(node, loop)
-        self.services: NodeServices | None = None
+    services: NodeServices
+    """The services of the bus; set before the first offer."""
+
+    def __init__(self, node: RclpyNode) -> None:
+        super().__init__(node)
         self._num_sent: Counter[RclpyObject] = Counter()  # requests without an answer yet, by client of rclpy
 
     # Services of nodes; see `FarCall`
@@ -145,7 +146,7 @@ class RclpyServices(RclpyOffers[FarServiceType]):
                 self._log.tell(f"service {name}: a node that called it gets no answer, because the call failed: {why}")
 
         def run() -> None:
-            if self.services is not None and name in self._offered:
+            if name in self._offered:
                 self.services.call("", name, raw, on_reply, self._loop.time())
 
         raw = write_cdr(request)

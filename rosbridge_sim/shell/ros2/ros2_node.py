@@ -160,11 +160,6 @@ class Ros2Node:
         self._announce()
 
     @property
-    def full_name(self) -> str:
-        """Full name of the node on the graph."""
-        return f"{self._choices.namespace}/{self._choices.name}"
-
-    @property
     def program(self) -> bytes:
         """First 12 bytes of the identity of each endpoint of ours."""
         return self._domain.key[:12]

@@ -37,9 +37,8 @@ class ServicesInMemory:
         def is_offered(_name: str, owner: Participant) -> bool:
             return owner.is_guest or not for_guests_alone
 
-        self.services = NodeServices(
-            ROS2_GRAPH, self.bus, self.types.find_service, policy or Policy(), self.call, is_offered=is_offered
-        )
+        self.services = NodeServices(ROS2_GRAPH, self.bus, self.types.find_service, policy or Policy(), self.call)
+        self.services.is_offered = is_offered
 
     def call(self, name: str, service: FarServiceType, request: bytes, call: Call, on_reply: OnReply) -> None:
         assert call.service.type.name == service.request.type.name.removesuffix("Request")
