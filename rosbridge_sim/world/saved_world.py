@@ -17,6 +17,7 @@ import numpy as np
 from rosbridge_sim.world.drivers.lane_position import MAX_WANDER
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_changes.lane_change_model import MAX_REASON
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -191,14 +192,9 @@ class _Reader:
         next_uid = self._int("next_uid", 0, MAX_UID + 1)
         self._check_rows(uids, ints, bools, next_uid)
         self._check_floats(floats)
-        legs = floats[:, bools[BOOLS.index("has_lane")]]
-        _expect(not bool((legs[FLOATS.index("leg_end")] < 0.0).any()), "floats.leg_end", "ends of legs of lanes")
-        if self._roads.is_flat and len(self._roads):  # a step keeps heights there
-            is_level = legs[FLOATS.index("leg_z")] == self._roads.points[0, 2]
-            is_level &= legs[FLOATS.index("leg_dz")] == 0.0
-            _expect(bool(is_level.all()), "floats.leg_z", "the height of the map")
         _check_divisors(floats[:, bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)])
         self._check_ints(ints, bools, paths)
+        self._check_legs(floats, ints, bools)
         names, bodies = self._names(n), self._bodies(n)
         self._check_labels(names, bodies, floats, ints, bools)
         _check_amounts(names, floats, ints, bools)
@@ -345,13 +341,27 @@ class _Reader:
             within(name, 0, MAX_COUNT)
         for name in INTS[INTS.index("contact_1") :]:
             within(name, 0, MAX_UID + 1)
-        within("point", 0, max(0, len(self._roads.points) - 1))
-        within("point", 0, len(self._roads.points) - 2, has_lane)  # motion reads the leg after it, too
+        within("point", 0, max(0, len(self._roads.points) - 2))
         followers = set(column("uid")[has_path].tolist())
         _expect(set(paths.spans) == followers, "spans", "a path for each entity on one")
         for uid, base in zip(column("uid")[has_path].tolist(), column("path_base")[has_path].tolist(), strict=True):
             _expect(base == int(paths.keys[paths.spans[uid][0]]), "ints.path_base", "the keys of paths")
         within("path_base", 0, 0, alive & ~has_path)
+
+    def _check_legs(self, floats: FloatArray, ints: IntArray, bools: Any) -> None:  # noqa: ANN401 - of bools
+        """Check that lane followers are on legs of their lanes: a step takes the leg at the next point unseen."""
+        roads = self._roads
+        # An ego that has begun to drive itself is on an endless leg until the next decision.
+        waits = (ints[INTS.index("kind")] == Kind.EGO) & np.isinf(floats[FLOATS.index("leg_end")])
+        rows = (bools[BOOLS.index("has_lane")] & ~waits).nonzero()[0]
+        if not len(rows):
+            return
+        lane, point = ints[INTS.index("lane"), rows], ints[INTS.index("point"), rows]
+        is_on = (roads.first[lane] <= point) & (point <= roads.last_leg[lane])
+        _expect(bool(is_on.all()), "ints.point", "points of the lanes, with another one behind each")
+        legs = floats[FLOATS.index("leg_start") : FLOATS.index("leg_dz") + 1, rows]
+        is_own = legs == roads.derived(LaneConflicts).legs.take(point, axis=0).T
+        _expect(bool(is_own.all()), "floats.leg", "the legs at the points")
 
     def _paths(self) -> PathsSnapshot:
         segments = self._array("segments", np.float64, (None, NUM_COLUMNS))

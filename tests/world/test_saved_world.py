@@ -8,35 +8,47 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.placement import show_ghosts, teleport
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.step import step
-from tests.world.road_factory import CAR, car, road
+from tests.world.road_factory import CAR, car, crossing, road
 
 
-def test_point_of_a_lane_follower_is_before_another_one() -> None:
+def test_point_of_a_lane_follower_is_one_of_its_lane() -> None:
+    """Motion goes on to the points after it, and those of another lane may lead beyond the last one of the map."""
     world = World(0)
-    world.lay_roads(road())
-    car(world, world.roads.ids[0], 1.0, speed=3.0)
-    data, num = to_plain(world.snapshot()), len(world.roads.points)
-    for point, is_good in ((num - 2, True), (num - 1, False)):
+    world.lay_roads(crossing())
+    roads = world.roads
+    car(world, "we", 1.0, speed=3.0)
+    data, lane = to_plain(world.snapshot()), roads.row("we")
+    legs = roads.derived(LaneConflicts).legs
+    is_refused = []
+    for point in range(len(roads.points)):
         data["ints"][INTS.index("point"), 0] = point
-        if is_good:
-            assert from_plain(data, world.roads, world.signals.plan).ints[INTS.index("point"), 0] == point
-        else:
-            with pytest.raises(ValueError, match=r"ints\.point"):
-                from_plain(data, world.roads, world.signals.plan)
+        data["floats"][FLOATS.index("leg_start") : FLOATS.index("leg_dz") + 1, 0] = legs[point]
+        try:
+            from_plain(data, roads, world.signals.plan)
+        except ValueError as error:
+            assert "ints.point: expected" in str(error)  # noqa: PT017 - one of many
+            is_refused.append(point)
+    assert is_refused == [i for i in range(len(roads.points)) if not roads.first[lane] <= i <= roads.last_leg[lane]]
 
 
-def test_leg_of_a_lane_follower_ends_on_its_lane() -> None:
+@pytest.mark.parametrize(
+    ("column", "figure"),
+    [("leg_end", -1.0), ("leg_start", 5.0), ("leg_dx", 0.5), ("leg_z", 1.0), ("leg_dz", -1000.0), ("leg_dz", 5e-324)],
+)
+def test_leg_of_a_lane_follower_is_that_at_its_point(column: str, figure: float) -> None:
+    """Else arrays and loops could differ: on a level map they keep heights in different ways."""
     world = World(0)
     world.lay_roads(road())
     car(world, world.roads.ids[0], 1.0, speed=3.0)
     data = to_plain(world.snapshot())
-    data["floats"][FLOATS.index("leg_end"), 0] = -1.0
-    with pytest.raises(ValueError, match=r"floats\.leg_end"):
+    data["floats"][FLOATS.index(column), 0] = figure
+    with pytest.raises(ValueError, match=r"floats\.leg: expected the legs at the points"):
         from_plain(data, world.roads, world.signals.plan)
 
 
@@ -85,17 +97,6 @@ def test_leg_of_a_path_leads_along_places_on_the_map(column: str, figure: float,
     from_plain(data, world.roads, world.signals.plan)
     data["floats"][FLOATS.index(column), DRIVER] = figure
     with pytest.raises(ValueError, match=rf"floats\.{told}: expected a place on the map"):
-        from_plain(data, world.roads, world.signals.plan)
-
-
-@pytest.mark.parametrize(("column", "figure"), [("leg_z", 1.0), ("leg_dz", -1000.0), ("leg_dz", 5e-324)])
-def test_leg_of_a_lane_is_level_on_a_level_map(column: str, figure: float) -> None:
-    """A step keeps heights there, arrays and loops in different ways."""
-    world = some_world()
-    assert world.roads.is_flat
-    data = to_plain(world.snapshot())
-    data["floats"][FLOATS.index(column), DRIVER] = figure
-    with pytest.raises(ValueError, match=r"floats\.leg_z: expected the height of the map"):
         from_plain(data, world.roads, world.signals.plan)
 
 
