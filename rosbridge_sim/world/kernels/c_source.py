@@ -152,7 +152,7 @@ OTHER_COLUMNS: Final[Mapping[str, str]] = {
     "D": "x y yaw speed lateral_speed centre half_length half_width",
     "B": "alive",
 }
-FOR_OTHERS: Final[Mapping[str, str]] = {"D": "away turn_by turn_cosine turn_sine seen", "I": "nearest"}
+FOR_OTHERS: Final[Mapping[str, str]] = {"D": "away turn_by turn_cosine turn_sine seen", "I": "nearest_rows"}
 """Room for the nearest entities of egos: squared distances of one ego, and turns, figures and rows."""
 
 OF_STEP: Final[Mapping[str, str]] = {"D": "poses before_accel across", "I": "before_uid pair_ego pair_row"}

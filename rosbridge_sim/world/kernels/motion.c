@@ -111,7 +111,7 @@ static void plan_shift(K *k, I j) {
   k->north[j] = 0.0, k->east[j] = 1.0;
   if (left <= 0.0) {
     k->lateral[r] = k->lateral_from[r] = k->lateral_to[r];
-    k->drift[r] = k->lateral_push[r] = k->lateral_bend[r] = k->lateral_rate[r] = 0.0;
+    k->drift[r] = k->lateral_push[r] = k->lateral_bend[r] = k->lateral_rate[r] = k->lateral_left[r] = 0.0;
     return;
   }
   D across = fabs(k->lateral_to[r] - k->lateral_from[r]) + fabs(k->lateral_push[r]), half = 0.5 * k->body_length[i];

@@ -290,7 +290,7 @@ static inline V middle_from(const K *k, I r, D x, D y) {
    WITH_ARRAYS for equal distances, whose order is that of numpy's partitions. */
 EXPORT I find_others(K *k) {
   for (I i = 0; i < k->n; i++) {
-    I r = k->rows[i], found = 0, *nearest = k->nearest + k->num_seen * i;
+    I r = k->rows[i], found = 0, *nearest = k->nearest_rows + k->num_seen * i;
     D *turn_by = k->turn_by + k->num_seen * i;
     for (I other = r % k->num_worlds; other < k->num_rows; other += k->num_worlds) {
       if (!k->alive[other] || other == r) continue;
@@ -319,7 +319,7 @@ EXPORT I find_others(K *k) {
 /* The figures of these entities; the cosines and sines of their turns are known now. */
 EXPORT void describe_others(K *k) {
   for (I at = 0; at < k->n * k->num_seen; at++) {
-    I r = k->rows[at / k->num_seen], other = k->nearest[at];
+    I r = k->rows[at / k->num_seen], other = k->nearest_rows[at];
     D *seen = k->seen + NUM_FIGURES * at, cos_ = k->cosine[r], sin_ = k->sine[r];
     for (int j = 0; j < NUM_FIGURES; j++) seen[j] = 0.0;
     if (other < 0) continue;

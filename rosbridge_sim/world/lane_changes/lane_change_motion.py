@@ -207,7 +207,7 @@ def plan_shifts(world: WorldRows, rows: IntArray, time: FloatArray, distance: Fl
     drift = np.where(is_done, 0.0, np.where(distance > 0.0, angle, world.drift[rows]))
     world.lateral_rate[rows] = (lateral - world.lateral[rows]) / interval
     world.drift_rate[rows] = (drift - world.drift[rows]) / interval
-    world.lateral_left[rows] = left - part
+    world.lateral_left[rows] = np.where(is_done, 0.0, left - part)
 
 
 def nudge(world: WorldRows, rows: IntArray, dt: float) -> None:

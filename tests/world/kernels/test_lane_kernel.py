@@ -255,6 +255,15 @@ def test_many_worlds_are_driven_by_loops_likewise() -> None:
         assert one.digests() == other.digests()
 
 
+def test_zero_with_a_sign_that_is_left_of_a_shift_is_plain_zero_afterwards() -> None:
+    """A restored state may have it."""
+    one, other = (random_world("motorway", 10, seed=1, has_egos=False) for _ in range(2))
+    for world in (one, other):
+        rows = world.has_lane.nonzero()[0]
+        world.lateral_left[rows], world.lateral_to[rows] = -0.0, 0.2
+    check_both(one, other, 6)
+
+
 def test_place_that_is_no_number_is_the_begin_of_its_lane() -> None:
     world = random_world("motorway", 40, seed=3)
     world.arc[world.has_lane.nonzero()[0][::3]] = np.nan
