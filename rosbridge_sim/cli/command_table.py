@@ -17,8 +17,7 @@ _PLACES = {
     "contract_commands": ("contract",),
     "doctor_command": ("doctor",),
     "mock_command": ("mock",),
-    "ros1_commands": ("ros1",),
-    "ros2_commands": ("ros2",),
+    "ros_commands": ("ros1", "ros2"),
     "simulator_commands": ("sync", "tick", "step", "score", "snapshot", "restore", "spawn", "sensor"),
     "picture_commands": ("shot", "clip"),
 }

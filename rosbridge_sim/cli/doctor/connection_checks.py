@@ -7,6 +7,8 @@ import json
 import time
 import urllib.parse
 from collections.abc import Awaitable, Callable, Sequence
+from contextlib import suppress
+from functools import partial
 from itertools import pairwise
 from statistics import median
 from typing import Any, Final
@@ -38,48 +40,39 @@ async def _works(client: PlainClient, server: ExaminedServer, topic: str) -> boo
     return True
 
 
-async def _works_by(server: ExaminedServer, topic: str, url: str = "", **offer: Any) -> str:  # noqa: ANN401 - see `PlainClient.open`
+async def _works_by(server: ExaminedServer, topic: str, **offer: Any) -> str:  # noqa: ANN401 - see `ExaminedServer.dial`
     """Return what is wrong with a connection by another URL, or that offers something; empty if nothing is."""
     try:
-        client = await PlainClient.open(url or server.url, token=server.token, patience=server.dialling, **offer)
+        async with server.dial(**offer) as client:
+            return "" if await _works(client, server, topic) else "a publish did not come back"
     except NO_CONNECTION as error:
         return f"no connection: {error}"
-    try:
-        return "" if await _works(client, server, topic) else "a publish did not come back"
-    finally:
-        await client.close()
 
 
 async def _query(server: ExaminedServer, topic: str) -> str:
     parts = urllib.parse.urlsplit(server.url)
     query = f"{parts.query}&doctor=1" if parts.query else "doctor=1"
-    return await _works_by(server, topic, urllib.parse.urlunsplit(parts._replace(path=parts.path or "/", query=query)))
+    url = urllib.parse.urlunsplit(parts._replace(path=parts.path or "/", query=query))
+    return await _works_by(server, topic, url=url)
 
 
 async def _deflate(server: ExaminedServer, topic: str) -> str:
     return await _works_by(server, topic, compression="deflate")
 
 
-async def _subprotocol(server: ExaminedServer, topic: str) -> str:
-    return await _works_by(server, topic, subprotocols=["rosbridge.v2"])
-
-
 async def _ping(server: ExaminedServer, _topic: str) -> str:
-    client = await PlainClient.open(server.url, token=server.token, patience=server.dialling)
-    try:
-        pong = await client.connection.ping()
-        async with asyncio.timeout(server.patience):
-            await pong
-    except (TimeoutError, ConnectionClosed):
-        return f"no pong within {server.patience:g} s"
-    finally:
-        await client.close()
+    async with server.dial() as client:
+        try:
+            async with asyncio.timeout(server.patience):
+                await (await client.connection.ping())
+        except (TimeoutError, ConnectionClosed):
+            return f"no pong within {server.patience:g} s"
     return ""
 
 
 async def _close(server: ExaminedServer, _topic: str) -> str:
-    client = await PlainClient.open(server.url, token=server.token, patience=server.dialling)
-    await client.close()
+    async with server.dial() as client:
+        pass
     code = client.connection.close_code
     return "" if code == 1000 else f"the close was not answered with 1000; got {code}"  # noqa: PLR2004 - RFC 6455, section 7.4.1
 
@@ -97,17 +90,13 @@ async def _many(server: ExaminedServer, topic: str) -> str:
 
 
 async def _needs_token(server: ExaminedServer, _topic: str) -> str:
-    try:
-        client = await PlainClient.open(server.url, patience=server.dialling)
-    except NO_CONNECTION:
-        return ""
-    try:
-        await client.send(json.dumps({"op": "call_service", "id": "x", "service": "/rosapi/get_time"}))
-        await client.wait(asyncio.get_running_loop().time() + server.patience)
-        is_served = any('"result":true' in str(frame).replace(" ", "") for frame in client.frames)
-        return "a client without the token got an answer" if is_served else ""
-    finally:
-        await client.close()
+    with suppress(*NO_CONNECTION):
+        async with server.dial(token=None) as client:
+            await client.send(json.dumps({"op": "call_service", "id": "x", "service": "/rosapi/get_time"}))
+            await client.wait(asyncio.get_running_loop().time() + server.patience)
+            if any('"result":true' in str(frame).replace(" ", "") for frame in client.frames):
+                return "a client without the token got an answer"
+    return ""
 
 
 # Times: these find figures, and no faults
@@ -134,8 +123,7 @@ async def _arrivals(
             times.append((sent[len(times)], loop.time()))
         return False
 
-    client = await PlainClient.open(server.url, token=server.token, patience=server.dialling, on_frame=note)
-    try:
+    async with server.dial(on_frame=note) as client:
         for op in ("advertise", "subscribe"):
             await client.send(json.dumps({"op": op, "topic": topic, "type": "std_msgs/String"}))
         await asyncio.sleep(server.settling)
@@ -151,9 +139,7 @@ async def _arrivals(
         until = loop.time() + server.patience
         while len(times) < num and client.ending is None and await client.wait(until):
             pass
-        return times
-    finally:
-        await client.close()
+    return times
 
 
 async def _round_trip(server: ExaminedServer, topic: str) -> str:
@@ -173,17 +159,14 @@ async def _jitter(server: ExaminedServer, topic: str) -> str:
     return f"=gaps differ from {1e3 / RATE:.0f} ms by {median(late):.2f} ms, one in twenty by {late[-num // 20]:.2f} ms"
 
 
-def _load(size: int, num: int) -> Callable[[ExaminedServer, str], Awaitable[str]]:
-    async def run(server: ExaminedServer, topic: str) -> str:
-        begun = time.perf_counter()
-        times = await _arrivals(server, topic, num, 1e-9, size)
-        taken = time.perf_counter() - begun
-        if not times:
-            return "no message came back"
-        rate = len(times) / taken
-        return f"={rate:,.0f} messages a second ({len(times)} of {num} came), {rate * size / 1e6:.1f} MB/s"
-
-    return run
+async def _load(server: ExaminedServer, topic: str, *, size: int, num: int) -> str:
+    begun = time.perf_counter()
+    times = await _arrivals(server, topic, num, 1e-9, size)
+    taken = time.perf_counter() - begun
+    if not times:
+        return "no message came back"
+    rate = len(times) / taken
+    return f"={rate:,.0f} messages a second ({len(times)} of {num} came), {rate * size / 1e6:.1f} MB/s"
 
 
 _WORK: Final[dict[str, tuple[str, str, Callable[[ExaminedServer, str], Awaitable[str]]]]] = {
@@ -194,15 +177,15 @@ _WORK: Final[dict[str, tuple[str, str, Callable[[ExaminedServer, str], Awaitable
     "connection/subprotocol": (
         f"{_RFC}, section 4.2.2",
         "an offer of a subprotocol is accepted, also of one that the server does not have",
-        _subprotocol,
+        partial(_works_by, subprotocols=["rosbridge.v2"]),
     ),
     "connection/many": ("rosbridge_suite 0.11.17", "twenty clients are connected at the same time", _many),
     "connection/token": ("security", "a client without the token gets no answers", _needs_token),
     "timing/round-trip": ("a figure", "time from a publish until the message comes back", _round_trip),
     "timing/jitter": ("a figure", "regularity of a topic of 50 Hz", _jitter),
-    "load/small": ("a figure", "throughput of messages of 50 characters", _load(50, 5_000)),
-    "load/picture": ("a figure", "throughput of messages of 100 kB", _load(100_000, 100)),
-    "load/large": ("a figure", "throughput of messages of 1 MB", _load(1_000_000, 10)),
+    "load/small": ("a figure", "throughput of messages of 50 characters", partial(_load, size=50, num=5_000)),
+    "load/picture": ("a figure", "throughput of messages of 100 kB", partial(_load, size=100_000, num=100)),
+    "load/large": ("a figure", "throughput of messages of 1 MB", partial(_load, size=1_000_000, num=10)),
 }
 """Id of a check -> source, what is checked, and the function that does it.
 

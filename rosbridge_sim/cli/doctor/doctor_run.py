@@ -12,8 +12,7 @@ import fnmatch
 import json
 import secrets
 import sys
-from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -24,7 +23,6 @@ from rosbridge_sim.doctor.check import Check, prepared, read_checks
 from rosbridge_sim.doctor.check_report import Report, junit, markdown, read_baseline, terminal_lines, to_json
 from rosbridge_sim.doctor.examination import CheckResult, Verdict, examine
 from rosbridge_sim.errors import DocumentError, SettingError
-from rosbridge_sim.link.bridge_errors import BridgeError
 from rosbridge_sim.link.urls import full_url
 from rosbridge_sim.suggestions import hint
 
@@ -122,8 +120,12 @@ async def examine_server(
     """
     checks = chosen_checks(all_checks(is_hostile=hostile, is_load=load), only)
     known = {} if baseline is None else _read_known(baseline)
-    async with _server(full_url(url), token, patience, ros) as server:
+    server = ExaminedServer(full_url(url), token, patience, f"/doctor_{secrets.token_hex(3)}")
+    try:
+        await server.find_out(ros)
         outcomes = await _examine_all(server, checks)
+    finally:
+        await server.close()
     report = Report(server.name, outcomes, known)
     if is_json:
         put(json.dumps(to_json(report)))  # some checks send integers beyond 64 bits
@@ -134,19 +136,6 @@ async def examine_server(
     if junit_path is not None:
         write_file(junit_path, junit(report))
     return 1 if report.faults else 0
-
-
-@asynccontextmanager
-async def _server(url: str, token: str | None, patience: float, ros: int | None) -> AsyncIterator[ExaminedServer]:
-    server = ExaminedServer(url, token, patience, f"/doctor_{secrets.token_hex(3)}")
-    try:
-        try:
-            await server.find_out(ros)
-        except NO_CONNECTION as error:
-            raise BridgeError(server.why_not(error)) from error
-        yield server
-    finally:
-        await server.close()
 
 
 async def _examine_all(server: ExaminedServer, checks: Sequence[Check]) -> list[CheckResult]:

@@ -7,6 +7,7 @@ import itertools
 import json
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
+from typing import Any
 
 from websockets.exceptions import WebSocketException
 
@@ -90,9 +91,14 @@ class ExaminedServer:
             ros: 1 or 2; None finds it out, too.
 
         Raises:
-            OSError, ValueError, WebSocketException: there is no connection; see `why_not`.
-            BridgeError: it has closed the connection, or needs a token.
+            BridgeError: there is no connection, it has closed the connection, or needs a token.
         """
+        try:
+            await self._find_out(ros)
+        except NO_CONNECTION as error:
+            raise BridgeError(self.why_not(error)) from error
+
+    async def _find_out(self, ros: int | None) -> None:
         await self._asker.connect("doctor")
         answer = await self.call("/rosapi/get_time")
         self.has_answers = answer is not None
@@ -157,6 +163,23 @@ class ExaminedServer:
                     is_known = there is None or not there.is_ok
                 self._known_types[kind, name] = is_known
             return self._known_types[kind, name]
+
+    @asynccontextmanager
+    async def dial(self, **offer: Any) -> AsyncIterator[PlainClient]:  # noqa: ANN401 - see `PlainClient.open`
+        """Yield one connection, which is closed behind it.
+
+        Args:
+            offer: what differs from the doctor's own connections, such as `url`, `token` or `compression`.
+
+        Raises:
+            OSError, ValueError, WebSocketException: there is no connection; see `why_not`.
+        """
+        usual = {"url": self.url, "token": self.token, "patience": self.dialling}
+        client = await PlainClient.open(**{**usual, **offer})
+        try:
+            yield client
+        finally:
+            await client.close()
 
     def count(self) -> int:
         """Return the number of the next check."""

@@ -1,4 +1,4 @@
-"""The command about the graph of ROS 2: `rosbridge-sim ros2 check`."""
+"""The commands about the graphs of ROS itself: `rosbridge-sim ros1 check` and `ros2 check`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,28 @@ DEFAULT_PATIENCE = 3.0
 _domain = make_number(0, 232, "a domain from 0 to 232", int)
 
 
+def make_ros1() -> Parser:
+    """Return the parser of `rosbridge-sim ros1 ...`."""
+    group, add = group_of("ros1", "The graph of ROS 1; no installation of ROS is needed.")
+    parser = add(
+        "check",
+        "tools.ros_checks.check_ros1",
+        "tell why nodes that are started in this terminal see nothing of a server, or see it twice: master, server,"
+        " address, own name, types, clock",
+    )
+    parser.option("--master", "URL", "of the master [ROS_MASTER_URI]", default="env")
+    parser.add_argument("--name", default="/rosbridge_sim", help="of the server's node [%(default)s]")
+    add_json(parser)
+    return group
+
+
 def make_ros2() -> Parser:
     """Return the parser of `rosbridge-sim ros2 ...`."""
     group, add = group_of("ros2", "The graph of ROS 2; no installation of ROS is needed.")
 
     parser = add(
         "check",
-        "tools.ros2_check.check_ros2",
+        "tools.ros_checks.check_ros2",
         "tell why nodes that are started in this terminal see nothing of a server, or see it twice: domain, range,"
         " interface, quality of service, type hash, publishers",
     )
