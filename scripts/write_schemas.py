@@ -21,7 +21,7 @@ from rosbridge_sim.campaigns.campaign_model import campaign_schema  # noqa: E402
 from rosbridge_sim.contracts.contract import CONTRACT  # noqa: E402
 from rosbridge_sim.documents.document_reading import document_schema  # noqa: E402
 from rosbridge_sim.maps.signal_plan_file import plan_schema  # noqa: E402
-from rosbridge_sim.mock.mock_model import mock_schema  # noqa: E402
+from rosbridge_sim.mock.mock_model import MOCK  # noqa: E402
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
 from rosbridge_sim.simulator.sensor_rigs.sensor_presets import rig_schema  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
@@ -37,7 +37,7 @@ def schema_files() -> dict[Path, str]:
     schemas = {
         "campaign": campaign_schema(),
         "contract": document_schema(CONTRACT),
-        "mock": mock_schema(),
+        "mock": document_schema(MOCK),
         "scenario": scenario_schema(),
         "sensor_noise": noise_schema(),
         "sensors": rig_schema(),

@@ -117,7 +117,7 @@ simulator: * graph morai morai.messages scenarios scenery scenery.moving simulat
 # campaigns, without processes and files
 campaigns: * documents expressions world.geometry world.state
 # mocks of robots, without sockets and files
-mock: * contracts documents expressions graph schema schema.definitions
+mock: * contracts documents expressions graph schema schema.definitions world.geometry
 # the checks of a rosbridge, and of what an app relies on, without sockets
 doctor: * junit
 contracts: * documents schema.definitions

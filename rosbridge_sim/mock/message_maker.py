@@ -10,9 +10,10 @@ import csv
 import math
 import zlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Final
 
-from rosbridge_sim.documents.document_model import Mistake, Place, show_json
+from rosbridge_sim.documents.document_model import Mistake, Place, Where, show_json
 from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.expressions import Expression, Following, TopicField, Value, parse_expression
@@ -36,11 +37,10 @@ from rosbridge_sim.schema.float32 import round32
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.suggestions import hint, listing
 
-_NUMBERS: Final[dict[str, Callable[[Any], Part]]] = {
-    "$sine": make_sine,
-    "$ramp": make_ramp,
-    "$counter": make_counter,
-}
+Convert = Callable[[Any], Any]
+"""Returns the value of a field for that of a pattern; a TypeError, ValueError or OverflowError if there is none."""
+
+_NUMBERS: Final[dict[str, Callable[[Any], Part]]] = {"$sine": make_sine, "$ramp": make_ramp, "$counter": make_counter}
 """Patterns of numbers that need nothing but their options."""
 
 TIME_NAMES: Final = ("time", "tick")
@@ -54,21 +54,14 @@ class MessageMaker:
         mistakes: all that were found.
         latest: topic -> its last message, which expressions read.
         reads: topics that the expressions of the last message read.
+        types: of the topics that expressions may read, by absolute name.
     """
 
-    def __init__(
-        self,
-        where: Callable[[Place], str],
-        types: Mapping[str, MessageType],
-        read_file: Callable[[str], bytes],
-        tell: Callable[[str], None],
-        seed: int,
-    ) -> None:
-        """Know the topics.
+    def __init__(self, where: Where, read_file: Callable[[str], bytes], tell: Callable[[str], None], seed: int) -> None:
+        """Know no topics yet.
 
         Args:
             where: returns a place in the file for errors.
-            types: of the topics that expressions may read, by absolute name.
             read_file: returns the content of a file beside the mock's file; raises DocumentError.
             tell: gets each mistake that an expression makes later, once.
             seed: of random walks.
@@ -77,7 +70,7 @@ class MessageMaker:
         self.latest: dict[str, Struct] = {}
         self.reads: set[str] = set()
         self._where = where
-        self._types = types
+        self.types: dict[str, MessageType] = {}
         self._read_file = read_file
         self._tell = tell
         self._seed = seed
@@ -128,9 +121,8 @@ class MessageMaker:
         return _copier(made, parts) if parts else ConstantPart(made)
 
     def _field(self, spec: MessageSpec, field: FieldSpec, value: object, place: Place) -> Part:
-        pattern = _pattern_of(value)
-        if pattern is not None:
-            return self._pattern(spec, field, pattern, value[pattern], (*place, pattern))  # type: ignore[index] # an object
+        if _pattern_of(value) is not None:
+            return self._pattern(spec, field, value, place)
         if field.nested is not None and field.definition.array is None:
             return self._message(field.nested, value, place)
         if isinstance(value, list) and (field.nested is not None or any(map(_pattern_of, value))):
@@ -150,9 +142,9 @@ class MessageMaker:
             return self._constant(spec, field, [0], place)
         parts: list[Part] = []
         for i, value in enumerate(values):
-            pattern, at = _pattern_of(value), (*place, i)
-            if pattern is not None:
-                parts.append(self._pattern(spec, field, pattern, value[pattern], (*at, pattern), is_element=True))  # type: ignore[index] # an object
+            at = (*place, i)
+            if _pattern_of(value) is not None:
+                parts.append(self._pattern(spec, field, value, at, is_element=True))
             elif field.nested is not None:
                 parts.append(self._message(field.nested, value, at))
             else:
@@ -170,15 +162,11 @@ class MessageMaker:
     # Patterns
 
     def _pattern(
-        self,
-        spec: MessageSpec,
-        field: FieldSpec,
-        pattern: str,
-        given: object,
-        place: Place,
-        *,
-        is_element: bool = False,
+        self, spec: MessageSpec, field: FieldSpec, value: object, place: Place, *, is_element: bool = False
     ) -> Part:
+        """Return the part for a pattern, an object with one key."""
+        ((pattern, given),) = value.items()  # type: ignore[attr-defined] # see `_pattern_of`
+        place = (*place, pattern)
         if pattern not in PATTERN_OPTIONS:
             self.note(place, f"expected one of {', '.join(PATTERN_OPTIONS)}{hint(pattern, PATTERN_OPTIONS)}")
             return ConstantPart(None)
@@ -197,15 +185,7 @@ class MessageMaker:
             return ConstantPart(None)
         return self._number_or_text(pattern, options, convert, place, is_text=is_text)
 
-    def _number_or_text(
-        self,
-        pattern: str,
-        options: Any,  # noqa: ANN401 - those of the pattern
-        convert: Callable[[Any], Any],
-        place: Place,
-        *,
-        is_text: bool,
-    ) -> Part:
+    def _number_or_text(self, pattern: str, options: Any, convert: Convert, place: Place, *, is_text: bool) -> Part:  # noqa: ANN401 - those of the pattern
         match pattern:
             case "$list":
                 part = make_cycle([ConstantPart(each) for each in options])
@@ -219,7 +199,7 @@ class MessageMaker:
                 part = _NUMBERS[pattern](options)
         return self._converted(part, convert, place)
 
-    def _converted(self, part: Part, convert: Callable[[Any], Any], place: Place) -> Part:
+    def _converted(self, part: Part, convert: Convert, place: Place) -> Part:
         try:
             convert(part(_NEVER))
         except (TypeError, ValueError, OverflowError):
@@ -255,7 +235,7 @@ class MessageMaker:
         part = self._expression(text, bool, place)
         return lambda value: bool(part(MessageTime(0, 0, None, value)))
 
-    def _expression(self, text: str, convert: Callable[[Any], Any], place: Place) -> Part:
+    def _expression(self, text: str, convert: Convert, place: Place) -> Part:
         """Return the value of an expression; where it has none, as before the first message, that of 0."""
         named = {} if self._request is None else {name: field.attribute for name, field in self._request.fields.items()}
         try:
@@ -265,7 +245,38 @@ class MessageMaker:
             self.mistakes.append(Mistake(place, str(error)))
             return ConstantPart(None)
         chosen = {name: attribute for name, attribute in named.items() if name in expression.names}
-        return _Computed(expression, readers, chosen, convert, self._tell)
+        return self._computed(expression, readers, chosen, convert)
+
+    def _computed(
+        self,
+        expression: Expression,
+        readers: Mapping[str, Callable[[], Any]],
+        named: Mapping[str, str],
+        convert: Convert,
+    ) -> Part:
+        """Return the value of an expression over the last messages of topics, and the fields of a request."""
+        following, told = Following(expression), set[str]()
+
+        def compute(moment: MessageTime) -> Any:  # noqa: ANN401 - of any field
+            values: dict[str, Value] = {"time": moment.time_ns / SECOND_NS, "tick": moment.number}
+            for name, attribute in named.items():
+                values[name] = getattr(moment.request, attribute)
+            for text, read in readers.items():
+                with suppress(IndexError):  # the list is shorter in this message
+                    values[text] = read()
+            try:
+                following.take(values)
+                value = following.value(values)
+                return convert(0 if value is None else value)
+            except (DocumentError, TypeError, ValueError, OverflowError) as error:
+                is_ours = isinstance(error, DocumentError)
+                text = str(error) if is_ours else f"{expression.where}: a value that the field cannot have"
+                if not told:
+                    told.add(text)
+                    self._tell(text)
+                return convert(0)
+
+        return compute
 
     def _reader(self, field: TopicField, place: Place) -> Callable[[], Any]:
         """Return a function that reads a field of the last message of a topic; it raises IndexError beyond a list.
@@ -274,9 +285,9 @@ class MessageMaker:
             DocumentError: there is no such field.
         """
         where = self._where(place)
-        message_type = self._types.get(field.topic)
+        message_type = self.types.get(field.topic)
         if message_type is None:
-            near = hint(field.topic, self._types) or "; expressions may read `topics` and `subscribers`"
+            near = hint(field.topic, self.types) or "; expressions may read `topics` and `subscribers`"
             raise DocumentError(f"{where}: no topic {field.topic} here{near}")
         spec: MessageSpec | None = message_type.spec
         steps: list[str | int] = []
@@ -307,43 +318,6 @@ class MessageMaker:
             return value
 
         return read
-
-
-class _Computed:
-    """The value of an expression over the last messages of topics, and the fields of a request."""
-
-    def __init__(
-        self,
-        expression: Expression,
-        readers: Mapping[str, Callable[[], Any]],
-        named: Mapping[str, str],
-        convert: Callable[[Any], Any],
-        tell: Callable[[str], None],
-    ) -> None:
-        self._following = Following(expression)
-        self._readers, self._named, self._convert, self._tell = readers, named, convert, tell
-        self._is_told = False
-
-    def __call__(self, moment: MessageTime) -> Any:  # noqa: ANN401 - of any field
-        values: dict[str, Value] = {"time": moment.time_ns / SECOND_NS, "tick": moment.number}
-        for name, attribute in self._named.items():
-            values[name] = getattr(moment.request, attribute)
-        for text, read in self._readers.items():
-            try:
-                values[text] = read()
-            except IndexError:  # the list is shorter in this message
-                continue
-        try:
-            self._following.take(values)
-            value = self._following.value(values)
-            return self._convert(0 if value is None else value)
-        except (DocumentError, TypeError, ValueError, OverflowError) as error:
-            if not self._is_told:
-                self._is_told = True
-                expression = self._following.expression
-                is_ours = isinstance(error, DocumentError)
-                self._tell(str(error) if is_ours else f"{expression.where}: a value that the field cannot have")
-            return self._convert(0)
 
 
 def read_column(content: bytes, path: str, column: str) -> list[str]:
@@ -413,7 +387,7 @@ def _copier(made: Struct, parts: Sequence[tuple[str, Part]]) -> Part:
     return make
 
 
-def _converter(spec: MessageSpec, field: FieldSpec) -> Callable[[Any], Any] | None:
+def _converter(spec: MessageSpec, field: FieldSpec) -> Convert | None:
     """Return a function from values of patterns to those of a field, or of an element; None for messages and times."""
     kind = field.definition.type
     if kind in spec.dialect.ints:
@@ -422,13 +396,9 @@ def _converter(spec: MessageSpec, field: FieldSpec) -> Callable[[Any], Any] | No
     return _CONVERTERS.get(kind)
 
 
-def _narrow(value: float) -> float:
-    return round32(float(value))
-
-
-_CONVERTERS: Final[dict[str, Callable[[Any], Any]]] = {
+_CONVERTERS: Final[dict[str, Convert]] = {
     "float64": float,
-    "float32": _narrow,
+    "float32": lambda value: round32(float(value)),
     "bool": bool,
     "string": str,
     "wstring": str,

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.documents.yaml_reading import read_yaml
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.mock.faults import CONTROL, MAX_FAULTS, FaultRule, FaultTable
-from rosbridge_sim.mock.mock_model import check_fault, is_plain_name
+from rosbridge_sim.mock.mock_model import FAULT, is_plain_name
 from rosbridge_sim.mock.mock_node import MockNode
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.suggestions import hint, listing
@@ -73,7 +74,9 @@ class MockControl(Participant):
         """
         rules, now_ns = self.faults.rules, self._node.now_ns(now)
         if rule:
-            fault, mistakes = check_fault(read_yaml(rule, "rule"))
+            document = read_yaml(rule, "rule")
+            checked = check_values(FAULT, document.value, document.where)
+            fault, mistakes = checked
             if fault is None:
                 raise DocumentError("; ".join(mistake.text for mistake in mistakes[:3]))
             if not is_plain_name(name):

@@ -13,9 +13,7 @@ from typing import Annotated, Any, Final, Literal
 
 from msgspec import Meta
 
-from rosbridge_sim.documents.document_model import DocumentType, KeptAsWritten, Mistake, Table, about
-from rosbridge_sim.documents.document_reading import check_values, document_schema
-from rosbridge_sim.documents.yaml_reading import YamlDocument
+from rosbridge_sim.documents.document_model import DocumentType, KeptAsWritten, Table, about
 
 MAX_THINGS: Final = 2_000
 """Most topics, services, actions, parameters and transforms each."""
@@ -283,20 +281,7 @@ class MockDocument(Table, frozen=True, kw_only=True):
     faults: Annotated[dict[_PlainName, MockFault], about("by name", max_length=100)] = {}
 
 
-_DOCUMENT: Final = DocumentType[MockDocument](MockDocument)
-_FAULT: Final = DocumentType[MockFault](MockFault)
+MOCK: Final = DocumentType[MockDocument](MockDocument)
 
-
-def check_document(document: YamlDocument) -> tuple[MockDocument | None, list[Mistake]]:
-    """Return the model of a mock's file, or None and its mistakes, each with file and line; see `check_values`."""
-    return check_values(_DOCUMENT, {} if document.value is None else document.value, document.where)
-
-
-def check_fault(document: YamlDocument) -> tuple[MockFault | None, list[Mistake]]:
-    """Return a fault that was written by itself, or None and its mistakes."""
-    return check_values(_FAULT, document.value, document.where)
-
-
-def mock_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of mocks' files."""
-    return document_schema(_DOCUMENT)
+FAULT: Final = DocumentType[MockFault](MockFault)
+"""A fault that is written by itself."""

@@ -309,9 +309,9 @@ class MockNode(Participant):
         due = min([self._began + due_ns / SECOND_NS, *(each for each in dues_of_status if each is not None)])
         self._due = None if due == math.inf else due
 
-    def _after(self, delay_ns: int, now: float, work: Callable[[float], None]) -> None:
-        """Do something later; it gets the time [s]."""
-        heapq.heappush(self._later, (self.now_ns(now) + delay_ns, next(self._ticket), work))
+    def _at(self, time_ns: float, work: Callable[[float], None]) -> None:
+        """Do something at a time since the start [ns], in the next turn if that has passed; it gets the time [s]."""
+        heapq.heappush(self._later, (time_ns, next(self._ticket), work))
         self._set_due()
         self._bus.agenda.is_touched = True
 
@@ -385,7 +385,7 @@ class MockNode(Participant):
             response: Any = call.service.type.response
             finish = partial(call.answer, self._hooked(call.service.name, response, made, request))
         if plan.delay_ns:
-            self._after(plan.delay_ns, now, lambda _now: finish())
+            self._at(self.now_ns(now) + plan.delay_ns, lambda _now: finish())
         else:
             finish()
 
@@ -397,12 +397,7 @@ class MockNode(Participant):
         if plan is None or plan.outcome == "rejected":
             raise GraphError(f"Action {goal.action.name}: the mock rejects this goal")
         # The bus gives no time with a goal: the turn that follows at once has it.
-        self._later_soon(lambda now: self._begin(plan, goal, request, now))
-
-    def _later_soon(self, work: Callable[[float], None]) -> None:
-        heapq.heappush(self._later, (-math.inf, next(self._ticket), work))
-        self._due = -math.inf
-        self._bus.agenda.is_touched = True
+        self._at(-math.inf, lambda now: self._begin(plan, goal, request, now))
 
     def _begin(self, plan: GoalPlan, goal: Goal, request: object, now: float) -> None:
         began_ns = self.now_ns(now)
@@ -416,9 +411,7 @@ class MockNode(Participant):
                 return
             goal.report(plan.feedback(at(number, now)), now)
             if (number + 1) * plan.feedback_ns < plan.duration_ns:
-                self._after(
-                    began_ns + (number + 1) * plan.feedback_ns - self.now_ns(now), now, partial(report, number + 1)
-                )
+                self._at(began_ns + (number + 1) * plan.feedback_ns, partial(report, number + 1))
 
         def finish(now: float) -> None:
             self._finishing.pop(goal, None)
@@ -430,11 +423,11 @@ class MockNode(Participant):
             return
         if plan.feedback is not None:
             report(0, now)
-        self._after(plan.duration_ns, now, finish)
+        self._at(began_ns + plan.duration_ns, finish)
         self._finishing[goal] = finish
 
     def _cancel(self, goal: Goal) -> None:
         """End a goal that its client does not want any more, in the next turn."""
         finish = self._finishing.pop(goal, None)
         if finish is not None:
-            self._later_soon(finish)
+            self._at(-math.inf, finish)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping
 from typing import Any, Final, TypeVar
 
 from rosbridge_sim.documents.document_model import Mistake, Place
+from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.documents.yaml_reading import YamlDocument
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.mock.message_maker import MessageMaker, fits
-from rosbridge_sim.mock.mock_model import MockDocument, MockRecording, MockTransform, check_document
+from rosbridge_sim.mock.mock_model import MOCK, MockDocument, MockRecording, MockTransform
 from rosbridge_sim.mock.recorded_topics import RecordedFile
 from rosbridge_sim.mock.value_patterns import SECOND_NS, ConstantPart, MessageTime, Part
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.world.geometry.planar import quaternion
 
 T = TypeVar("T")
 
@@ -114,12 +115,13 @@ def plan_mock(
         tell: gets each mistake that an expression makes while the mock runs, once.
         seed: in addition to that of the file.
     """
-    mock, mistakes = check_document(document)
+    checked = check_values(MOCK, document.value, document.where)
+    mock, mistakes = checked
     if mock is None:
         return None, mistakes
-    planner = _Planner(mock, document, store, files, tell, seed=seed)
-    plan = planner.plan()
-    mistakes = sorted(planner.mistakes, key=lambda mistake: document.line(mistake.place))
+    maker = MessageMaker(document.where, files.read, tell, mock.seed + (seed << 32))
+    plan = _Planner(mock, store, files, maker).plan()
+    mistakes = sorted(maker.mistakes, key=lambda mistake: document.line(mistake.place))
     return (None, mistakes) if mistakes else (plan, [])
 
 
@@ -144,21 +146,8 @@ SERVER_TYPES: Final = {
 class _Planner:
     """Compiles one file."""
 
-    def __init__(
-        self,
-        mock: MockDocument,
-        document: YamlDocument,
-        store: Store,
-        files: MockFiles,
-        tell: Callable[[str], None],
-        *,
-        seed: int,
-    ) -> None:
-        self.mistakes: list[Mistake] = []
-        self._mock, self._document, self._store, self._files = mock, document, store, files
-        self._types: dict[str, MessageType] = {}
-        self._maker = MessageMaker(document.where, self._types, files.read, tell, mock.seed + (seed << 32))
-        self._maker.mistakes = self.mistakes
+    def __init__(self, mock: MockDocument, store: Store, files: MockFiles, maker: MessageMaker) -> None:
+        self._mock, self._store, self._files, self._maker = mock, store, files, maker
 
     def plan(self) -> MockPlan:
         """Return the plan; it is of no use if there are mistakes."""
@@ -203,7 +192,7 @@ class _Planner:
         found = self._type(self._store.message, type_name, place)
         if found is None:
             return
-        self._types[absolute(name)] = found
+        self._maker.types[absolute(name)] = found
         fixed = SERVER_TYPES.get(absolute(name), {}).get(self._store.ros, found.name)
         if found.name != fixed:
             self._maker.note(place, f"expected {fixed}, the type of {absolute(name)} in each server, got {found.name}")
@@ -221,7 +210,7 @@ class _Planner:
     def _topics(self) -> list[TopicPlan]:
         plans = []
         for name, topic in self._mock.topics.items():
-            message_type = self._types.get(absolute(name))
+            message_type = self._maker.types.get(absolute(name))
             if message_type is None:
                 continue
             make = self._maker.message(message_type, topic.value, ("topics", name, "value"))
@@ -236,10 +225,8 @@ class _Planner:
         transforms = self._mock.transforms
         if not transforms:
             return []
-        message_type, one = (
-            self._store.message("tf2_msgs/TFMessage"),
-            self._store.message("geometry_msgs/TransformStamped"),
-        )
+        message_type = self._store.message("tf2_msgs/TFMessage")
+        one = self._store.message("geometry_msgs/TransformStamped")
         plans = []
         for rate in dict.fromkeys(each.rate for each in transforms):
             parts: list[Part] = []
@@ -271,7 +258,7 @@ class _Planner:
         def transform(moment: MessageTime) -> Struct:
             value, angle = make(moment), turn(moment)
             inner = value.transform.__copy__()
-            inner.rotation = quaternion_type(*_quaternion(angle.x, angle.y, angle.z))
+            inner.rotation = quaternion_type(*quaternion(angle.x, angle.y, angle.z))
             value.transform = inner
             return value
 
@@ -281,7 +268,7 @@ class _Planner:
         found = []
         for i, recording in enumerate(self._mock.recordings):
             try:
-                chosen = self._files.record(recording, self._types.keys())
+                chosen = self._files.record(recording, self._maker.types.keys())
             except DocumentError as error:
                 self._maker.note(("recordings", i), str(error))
                 continue
@@ -339,9 +326,9 @@ class _Planner:
             return _always
         if isinstance(when, str):
             return self._maker.condition(when, request, place)
-        num = len(self.mistakes)
+        num = len(self._maker.mistakes)
         made = self._maker.message(request, when, place)
-        if len(self.mistakes) > num or not isinstance(when, dict):
+        if len(self._maker.mistakes) > num or not isinstance(when, dict):
             return _always
         if not isinstance(made, ConstantPart) and "$" in repr(when):
             self._maker.note(place, "expected constants, or an expression such as 'a > 3'")
@@ -355,16 +342,3 @@ def _always(_request: object) -> bool:
 
 def _message_of(message_type: MessageType, parts: list[Part]) -> Part:
     return lambda moment: message_type.struct_type(transforms=[part(moment) for part in parts])
-
-
-def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return x, y, z, w of a rotation about the fixed axes x, y, z in this order [rad], as tf's `setRPY`."""
-    sr, cr = math.sin(roll / 2), math.cos(roll / 2)
-    sp, cp = math.sin(pitch / 2), math.cos(pitch / 2)
-    sy, cy = math.sin(yaw / 2), math.cos(yaw / 2)
-    return (
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    )

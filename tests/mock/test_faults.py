@@ -8,11 +8,13 @@ from typing import Any
 import orjson
 import pytest
 
+from rosbridge_sim.documents.document_model import Mistake
+from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.documents.yaml_reading import read_yaml
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.mock.faults import FaultTable, FaultyClient, changed
 from rosbridge_sim.mock.mock_control import FAULTS, SET_FAULT, MockControl
-from rosbridge_sim.mock.mock_model import FaultWay, check_fault
+from rosbridge_sim.mock.mock_model import FAULT, FaultWay, MockFault
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import make_store
 from tests.mock.mock_runs import MockRun
@@ -20,10 +22,15 @@ from tests.mock.mock_runs import MockRun
 SECOND = 1_000_000_000
 
 
+def check_fault(rule: str, name: str = "rule") -> tuple[MockFault | None, list[Mistake]]:
+    document = read_yaml(rule, name)
+    return check_values(FAULT, document.value, document.where)
+
+
 def table(seed: int = 0, **rules: str) -> FaultTable:
     faults = {}
     for name, rule in rules.items():
-        fault, mistakes = check_fault(read_yaml(rule, name))
+        fault, mistakes = check_fault(rule, name)
         assert mistakes == []
         assert fault is not None
         faults[name] = fault
@@ -131,7 +138,7 @@ def test_faults_of_some_clients_are_judged_apart() -> None:
     ],
 )
 def test_fault_whose_keys_do_not_fit_is_refused(rule: str, text: str) -> None:
-    fault, mistakes = check_fault(read_yaml(rule, "rule"))
+    fault, mistakes = check_fault(rule)
     assert fault is None
     assert text in "\n".join(mistake.text for mistake in mistakes)
 
