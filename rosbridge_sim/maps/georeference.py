@@ -63,10 +63,8 @@ class Georeference:
         if road_map is not self._map:
             try:
                 self._map, self._transformer = road_map, _find_transformer(road_map)
-            except (
-                OSError,
-                ImportError,
-            ) as error:  # a library that was readable at the start may not be readable later
+            except (OSError, ImportError) as error:
+                # A library that was readable at the start may not be readable later.
                 if not self._has_warned:
                     self._has_warned = True
                     _log.warning("no GPS fix for now, because pyproj cannot be read: %s", error)

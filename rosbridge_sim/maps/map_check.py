@@ -15,8 +15,8 @@ import numpy as np
 from rosbridge_sim.documents.document_model import read_text
 from rosbridge_sim.documents.document_reading import parse_json
 from rosbridge_sim.maps.extent import find_far_lanes
-from rosbridge_sim.maps.mgeo import BORDER_FILES, FILES, INFO_FILE, MAP_FILES
-from rosbridge_sim.maps.mgeo_lights import CROSSWALK_FILES, LIGHT_FILES, light_type, sort_files
+from rosbridge_sim.maps.mgeo import KINDS, MAP_FILES, sort_map_files
+from rosbridge_sim.maps.mgeo_lights import LIGHT_FILES, light_type
 from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.units import MPS_TO_KMH
@@ -45,12 +45,10 @@ Entry = dict[str, Any]
 
 def _parse(files: Mapping[str, bytes]) -> dict[str, Any]:
     """Return the entries of a map's files, by kind."""
-    roles = {kind: name for kind, (_, name) in sort_files({name: (text, name) for name, text in files.items()}).items()}
-    border_file = next((name for name in BORDER_FILES if name in files), "")
-    known = {"info": INFO_FILE, "nodes": FILES[0], "links": FILES[1], "borders": border_file}
-    known["crosswalks"] = CROSSWALK_FILES[1]
-    names = {**dict.fromkeys(("lights", "synced", "controllers", "schedules"), ""), **known, **roles}
-    return {kind: parse_json(files[name], name, MAX_MAP_BYTES) if name in files else [] for kind, name in names.items()}
+    found = sort_map_files({name: (text, name) for name, text in files.items()})
+    return {
+        kind: parse_json(*found[kind], MAX_MAP_BYTES) if kind in found else [] for kind in KINDS if kind != "stripes"
+    }
 
 
 def _name(entry: Entry, key: str = "idx") -> str:
@@ -72,18 +70,13 @@ def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:
     Returns:
         For each file its name, whether it exists, is read and is known, and the kind of its entries.
     """
-    roles = {name: kind for kind, (_, name) in sort_files({name: (text, name) for name, text in files.items()}).items()}
-    border_file = next((name for name in BORDER_FILES if name in files), None)
-    held = {
-        **{name: "" for name in MAP_FILES if name not in (*BORDER_FILES, *LIGHT_FILES)},
-        **({border_file: ""} if border_file else {}),
-        **roles,
-    }
+    found = sort_map_files({name: (text, name) for name, text in files.items()})
+    held = {name: kind for kind, (_, name) in found.items()}
     there = set(names)
     listed = []
     for name in (*MAP_FILES, *UNREAD_FILES, *sorted(there - {*MAP_FILES, *UNREAD_FILES})):
-        is_there, is_read = name in there, name in files and name in held
-        holds = {"synced": "groups"}.get(held.get(name, ""), held.get(name, "")) or None
+        is_there, is_read = name in there, name in held
+        holds = {"synced": "groups"}.get(held[name], held[name]) if is_read and name in LIGHT_FILES else None
         is_known = name in MAP_FILES or name in UNREAD_FILES
         listed.append({"name": name, "is_there": is_there, "is_read": is_read, "holds": holds, "is_known": is_known})
     return listed
@@ -112,11 +105,7 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
     return {
         "name": road_map.name,
         "version": _version(sets["info"] or {}),
-        "projection": {
-            "text": projection.text,
-            "kind": _projection_kind(projection),
-            "ellipse": projection.ellipse,
-        },
+        "projection": {"text": projection.text, "kind": _projection_kind(projection), "ellipse": projection.ellipse},
         "origin": list(road_map.origin),
         "extent": {axis: [float(low[i]), float(high[i])] for i, axis in enumerate("xyz")},
         "nodes": {

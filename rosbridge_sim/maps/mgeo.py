@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 from rosbridge_sim.documents.document_model import Coordinate, Document, DocumentType
 from rosbridge_sim.documents.document_reading import find_mistakes, read_document
@@ -17,11 +17,12 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo_lights import (
     CROSSWALK_FILES,
     LIGHT_FILES,
-    find_light_mistakes,
+    LIGHT_KINDS,
     read_crosswalks,
     read_lights,
+    sort_files,
 )
-from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES, Identifier, find_lane_mistakes, read_lanes
+from rosbridge_sim.maps.mgeo_links import LANE_KINDS, MAX_MAP_BYTES, Identifier, read_lanes
 from rosbridge_sim.maps.mgeo_markings import MARKING_FILE, SIGN_FILE, read_markings, read_signs
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -48,7 +49,8 @@ class _GlobalInfo(Document, frozen=True, kw_only=True):
 
 
 _GLOBAL_INFO: Final = DocumentType[_GlobalInfo](_GlobalInfo)
-
+KINDS: Final[dict[str, DocumentType[Any]]] = {"info": _GLOBAL_INFO, **LANE_KINDS, **LIGHT_KINDS}
+"""Form of each kind of file whose mistakes refuse a map."""
 
 NO_PROJECTION: Final = Projection(is_tm=False, ellipse="", scale_factor=0.0)
 """The projection of a map that does not tell its own."""
@@ -65,12 +67,11 @@ def read_mgeo(files: Mapping[str, bytes], source: str) -> RoadMap:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
     name, known = _name_files(files, source)
-    node_file, link_file = (known[file] for file in FILES)
-    projection, origin, notes = _read_georeference(known.get(INFO_FILE))
-    lanes = read_lanes(node_file, link_file, _border_file(known))
+    projection, origin, notes = _read_georeference(known.get("info"))
+    lanes = read_lanes(known)
     if not len(lanes.roads):
         got = " and ".join(f"{len(names):,} of type {kind}" for kind, names in lanes.left_out.items()) or "none"
-        raise DocumentError(f"{link_file[1]}: expected at least one link to drive on, got {got}")
+        raise DocumentError(f"{known['links'][1]}: expected at least one link to drive on, got {got}")
     if not lanes.roads.is_flat:
         lanes.roads.derived(Surface)  # here and not at the first step: a large city needs a second
     notes += [_no_roads_note(kind, names) for kind, names in lanes.left_out.items()]
@@ -100,10 +101,8 @@ def find_mgeo_mistakes(files: Mapping[str, bytes], source: str) -> list[str]:
     """
     try:
         _, known = _name_files(files, source)
-        node_file, link_file = (known[file] for file in FILES)
-        found = find_mistakes(_GLOBAL_INFO, *known[INFO_FILE], MAX_MAP_BYTES) if INFO_FILE in known else []
-        found += find_lane_mistakes(node_file, link_file, _border_file(known))
-        found += find_light_mistakes(known)
+        given = [(form, known[kind]) for kind, form in KINDS.items() if kind in known]
+        found = [mistake for form, file in given for mistake in find_mistakes(form, *file, MAX_MAP_BYTES)]
         if not found:
             read_mgeo(files, source)
     except DocumentError as error:
@@ -120,7 +119,7 @@ def _read_georeference(file: tuple[bytes, str] | None) -> tuple[Projection, Poin
 
 
 def _name_files(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, tuple[bytes, str]]]:
-    """Return the map's name, and the content and the name in errors of each file that is read.
+    """Return the map's name, and the content and the name in errors of each file that is read, by kind.
 
     Raises:
         DocumentError: a required file is missing.
@@ -129,11 +128,19 @@ def _name_files(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str,
     missing = next((file for file in FILES if file not in files), None)
     if missing is not None:
         raise DocumentError(f"{source}: {missing} is missing")
-    return name, {file: (files[file], f"{name}/{file}") for file in MAP_FILES if file in files}
+    return name, sort_map_files({file: (files[file], f"{name}/{file}") for file in MAP_FILES if file in files})
 
 
-def _border_file(known: Mapping[str, tuple[bytes, str]]) -> tuple[bytes, str] | None:
-    return next((known[file] for file in BORDER_FILES if file in known), None)
+def sort_map_files(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
+    """Find the files that are read, by kind: those of `KINDS`, `markings` and `signs`.
+
+    Args:
+        files: content and name for errors, by file name.
+    """
+    border_file = next((file for file in BORDER_FILES if file in files), "")
+    kinds = ("info", "nodes", "links", "borders", "stripes", "crosswalks", "markings", "signs")
+    named = zip(kinds, (INFO_FILE, *FILES, border_file, *CROSSWALK_FILES, MARKING_FILE, SIGN_FILE), strict=True)
+    return {**{kind: files[file] for kind, file in named if file in files}, **sort_files(files)}
 
 
 def _no_roads_note(kind: str, names: Sequence[str]) -> str:

@@ -22,12 +22,11 @@ from rosbridge_sim.documents.document_model import (
     Coordinate,
     Document,
     DocumentType,
-    Mistake,
     Number,
     Whole,
     number_within,
 )
-from rosbridge_sim.documents.document_reading import find_mistakes, read_document
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, Lanes, read_line
 from rosbridge_sim.maps.road_map import Crosswalk
@@ -122,34 +121,35 @@ _CONTROLLERS: Final = DocumentType[list[_Controller]](Annotated[list[_Controller
 _SCHEDULES: Final = DocumentType[list[_Schedule]](Annotated[list[_Schedule], Meta(max_length=MAX_LINKS)])
 _CROSSWALKS: Final = DocumentType[list[_Crosswalk]](Annotated[list[_Crosswalk], Meta(max_length=MAX_LINKS)])
 _STRIPES: Final = DocumentType[list[_Stripe]](Annotated[list[_Stripe], Meta(max_length=MAX_LINKS)])
+LIGHT_KINDS: Final[dict[str, DocumentType[Any]]] = {
+    "lights": _LIGHTS,
+    "synced": _SYNCED,
+    "controllers": _CONTROLLERS,
+    "schedules": _SCHEDULES,
+    "stripes": _STRIPES,
+    "crosswalks": _CROSSWALKS,
+}
+"""Form of each kind of file with lights or crosswalks."""
 
 
 # Colours and types
 
-_COLOURS: Final[dict[str, int]] = {
-    "": 0,
-    "none": 0,
-    "off": 0,
-    "r": Lamp.RED,
-    "red": Lamp.RED,
-    "y": Lamp.YELLOW,
-    "yellow": Lamp.YELLOW,
-    "g": Lamp.GREEN,
-    "sg": Lamp.GREEN,  # straight green
-    "green": Lamp.GREEN,
-    "gleft": Lamp.LEFT,
-    "lg": Lamp.LEFT,
-    "left": Lamp.LEFT,
-    "gright": Lamp.RIGHT,
-    "rg": Lamp.RIGHT,
-    "guturn": Lamp.U_TURN,
-    "ug": Lamp.U_TURN,
-    "uturn": Lamp.U_TURN,
-    "gupleft": Lamp.UP_LEFT,
-    "gupright": Lamp.UP_RIGHT,
-    "gdownleft": Lamp.DOWN_LEFT,
-    "gdownright": Lamp.DOWN_RIGHT,
+_WORDS: Final[dict[int, tuple[str, str]]] = {
+    Lamp.RED: ("r red", "red"),
+    Lamp.YELLOW: ("y yellow", "yellow"),
+    Lamp.GREEN: ("g sg green", "straight green"),  # SG: straight green
+    Lamp.LEFT: ("gleft lg left", "left"),
+    Lamp.RIGHT: ("gright rg", "right"),
+    Lamp.U_TURN: ("guturn ug uturn", "uturn"),
+    Lamp.UP_LEFT: ("gupleft", "upperleft"),
+    Lamp.UP_RIGHT: ("gupright", "upperright"),
+    Lamp.DOWN_LEFT: ("gdownleft", "lowerleft"),
+    Lamp.DOWN_RIGHT: ("gdownright", "lowerright"),
 }
+"""What colours of schedules and types of lights call each lamp."""
+
+_COLOURS, _SUB_TYPES = ({word: lamp for lamp, each in _WORDS.items() for word in each[i].split()} for i in (0, 1))
+_COLOURS.update(dict.fromkeys(("", "none", "off"), 0))
 
 
 def colour_of(name: str) -> int | None:
@@ -182,28 +182,11 @@ def light_type(light: Light) -> int:
     return 2 if light.lamps & Lamp.GREEN else 1
 
 
-_SUB_TYPES: Final = {
-    "red": Lamp.RED,
-    "yellow": Lamp.YELLOW,
-    "straight": Lamp.GREEN,
-    "green": Lamp.GREEN,
-    "left": Lamp.LEFT,
-    "right": Lamp.RIGHT,
-    "uturn": Lamp.U_TURN,
-    "upperleft": Lamp.UP_LEFT,
-    "upperright": Lamp.UP_RIGHT,
-    "lowerleft": Lamp.DOWN_LEFT,
-    "lowerright": Lamp.DOWN_RIGHT,
-}
-
-
 def _lamps(light: _Light) -> int:
     """Return the lamps of a light; red, yellow and green if the map does not name them."""
     words = light.sub_type if isinstance(light.sub_type, list) else re.split(r"[,_\s]+", light.sub_type or "")
-    lamps = 0
-    for word in words:
-        lamps |= int(_SUB_TYPES.get(re.sub(r"[^a-z]", "", word.casefold()), 0))
-    return lamps or int(Lamp.RED | Lamp.YELLOW | Lamp.GREEN)
+    lamps = reduce(or_, (_SUB_TYPES.get(re.sub(r"[^a-z]", "", word.casefold()), 0) for word in words), 0)
+    return int(lamps or Lamp.RED | Lamp.YELLOW | Lamp.GREEN)
 
 
 # Files
@@ -213,14 +196,13 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     """Read the lights of a map.
 
     Args:
-        files: content and name for errors, by file name; those of `LIGHT_FILES` that exist.
+        files: content and name for errors, by kind; all are optional.
         notes: gets a line for each ignored entry.
 
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
-    sorted_files = sort_files(files)
-    entries = _entries(_LIGHTS, sorted_files, "lights")
+    entries = _entries(_LIGHTS, files, "lights")
     rows: dict[str, int] = {}
     lights: list[Light] = []
     for entry in entries:
@@ -229,13 +211,13 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
             continue
         rows[entry.idx] = len(lights)
         lights.append(_light(entry, lanes))
-    synced = _entries(_SYNCED, sorted_files, "synced")
+    synced = _entries(_SYNCED, files, "synced")
     groups = [_known(entry.signal_id_list, rows) for entry in synced]
-    plans = _entries(_CONTROLLERS, sorted_files, "controllers")
+    plans = _entries(_CONTROLLERS, files, "controllers")
     first_note = len(notes)
     named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
     controllers = named or list(_controllers_of(synced, groups))
-    by_name = {schedule.idx: schedule for schedule in _entries(_SCHEDULES, sorted_files, "schedules")}
+    by_name = {schedule.idx: schedule for schedule in _entries(_SCHEDULES, files, "schedules")}
     synced_rows = {entry.idx: group for entry, group in zip(synced, groups, strict=True)}
     laid = [_controller(name, members, by_name.pop(name, None), synced_rows, notes) for name, members in controllers]
     for schedule in by_name.values():
@@ -247,7 +229,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
         names, schedule = found  # noqa: PLW2901 - with its colours in the groups' order
         notes.append(f"{what}; it runs the groups that it names, {', '.join(names)}")
         laid.append(_controller(schedule.idx, [synced_rows[name] for name in names], schedule, synced_rows, notes))
-    if lights and not plans and "controllers" in sorted_files:
+    if lights and not plans and "controllers" in files:
         what = "no group and schedule runs a light instead"
         if any(controller.phases for controller in laid):
             what = "lights are run by their groups and schedules"
@@ -291,26 +273,6 @@ _BY_NAME: Final = {
     "synced_traffic_light_set.json": "synced",
     "intersection_controller_set.json": "controllers",
 }
-
-
-def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]:
-    """Return all values in the files of lights and crosswalks that do not fit.
-
-    Args:
-        files: content and name for errors, by file name.
-    """
-    kinds: dict[str, DocumentType[Any]] = {
-        "lights": _LIGHTS,
-        "synced": _SYNCED,
-        "controllers": _CONTROLLERS,
-        "schedules": _SCHEDULES,
-    }
-    stripe_file, group_file = CROSSWALK_FILES
-    judged = [(kinds[kind], file) for kind, file in sort_files(files).items()]
-    judged += [
-        (kind, files[name]) for kind, name in ((_STRIPES, stripe_file), (_CROSSWALKS, group_file)) if name in files
-    ]
-    return [mistake for kind, (text, name) in judged for mistake in find_mistakes(kind, text, name, MAX_MAP_BYTES)]
 
 
 def _light(entry: _Light, lanes: Lanes) -> Light:
@@ -436,7 +398,7 @@ def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) ->
     """Read the crosswalks of a map.
 
     Args:
-        files: content and name for errors, by file name; both of `CROSSWALK_FILES` are optional.
+        files: content and name for errors, by kind; `stripes` and `crosswalks` are optional.
 
     Returns:
         The crosswalks, in the order of the file.
@@ -444,13 +406,12 @@ def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) ->
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
-    stripe_file, group_file = CROSSWALK_FILES
-    stripes = _entries(_STRIPES, files, stripe_file)
+    stripes = _entries(_STRIPES, files, "stripes")
     outlines: dict[str, FloatArray] = {}
     for i, stripe in enumerate(stripes):
         if len(stripe.points) > 2:  # noqa: PLR2004  # an area has three corners
-            outlines[stripe.idx] = read_line(stripe.points, f"{files[stripe_file][1]}: [{i}].points")
-    entries = _entries(_CROSSWALKS, files, group_file)
+            outlines[stripe.idx] = read_line(stripe.points, f"{files['stripes'][1]}: [{i}].points")
+    entries = _entries(_CROSSWALKS, files, "crosswalks")
     rows = {light.name: row for row, light in enumerate(plan.lights)}
     crosswalks = []
     taken: set[str] = set()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Annotated, Final
+from typing import Annotated, Any, Final
 
 import numpy as np
 from msgspec import Meta
@@ -18,11 +18,10 @@ from rosbridge_sim.documents.document_model import (
     DocumentType,
     KeptAsWritten,
     LenientBool,
-    Mistake,
     Number,
     text_within,
 )
-from rosbridge_sim.documents.document_reading import find_mistakes, read_document
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.road_map import Border
@@ -91,6 +90,8 @@ class _Border(Document, frozen=True, kw_only=True):
 _NODES: Final = DocumentType[list[_Node]](Annotated[list[_Node], Meta(max_length=MAX_LINKS)])
 _LINKS: Final = DocumentType[list[_Link]](Annotated[list[_Link], Meta(max_length=MAX_LINKS)])
 _BORDERS: Final = DocumentType[list[_Border]](Annotated[list[_Border], Meta(max_length=MAX_LINKS)])
+LANE_KINDS: Final[dict[str, DocumentType[Any]]] = {"nodes": _NODES, "links": _LINKS, "borders": _BORDERS}
+"""Form of each kind of file with lanes."""
 
 
 class Lanes(Record, eq=False):
@@ -109,24 +110,20 @@ class Lanes(Record, eq=False):
     left_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
-def read_lanes(
-    node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
-) -> Lanes:
-    """Read the lanes of a map. Each file is given as its content and its name for errors.
+def read_lanes(files: Mapping[str, tuple[bytes, str]]) -> Lanes:
+    """Read the lanes of a map.
 
     Args:
-        node_file: `node_set.json`.
-        link_file: `link_set.json`.
-        border_file: `lane_boundary_set.json` or, in older maps, `lane_marking_set.json`. None puts the edges half a
-            width from the lanes' lines.
+        files: content and name for errors, by kind: `nodes`, `links` and `borders`. Without the last one the edges are
+            half a width from the lanes' lines.
 
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
-    nodes = read_document(_NODES, *node_file, MAX_MAP_BYTES)
-    links = read_document(_LINKS, *link_file, MAX_MAP_BYTES)
-    borders = _read_borders(border_file)
-    source = link_file[1]
+    nodes = read_document(_NODES, *files["nodes"], MAX_MAP_BYTES)
+    links = read_document(_LINKS, *files["links"], MAX_MAP_BYTES)
+    borders = _read_borders(files.get("borders"))
+    source = files["links"][1]
     stops = {node.idx: bool(node.on_stop_line) for node in nodes}
     lanes = [(i, link) for i, link in enumerate(links) if not link.lazy_init and _no_road(link) is None]
     if sum(len(link.points) for _, link in lanes) > MAX_POINTS:
@@ -161,20 +158,6 @@ def read_lanes(
     )
     signals = tuple((link.related_signal or "").strip().lower() for link in only)
     return Lanes(roads, signals, tuple(borders.values()), _left_out(links))
-
-
-def find_lane_mistakes(
-    node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
-) -> list[Mistake]:
-    """Return all values in these files that do not fit.
-
-    Args:
-        node_file: as for `read_lanes`.
-        link_file: as for `read_lanes`.
-        border_file: as for `read_lanes`.
-    """
-    found = [*find_mistakes(_NODES, *node_file, MAX_MAP_BYTES), *find_mistakes(_LINKS, *link_file, MAX_MAP_BYTES)]
-    return found if border_file is None else [*found, *find_mistakes(_BORDERS, *border_file, MAX_MAP_BYTES)]
 
 
 def read_line(points: Sequence[tuple[float, float, float]], where: str) -> FloatArray:

@@ -52,21 +52,21 @@ def read_markings(files: Mapping[str, tuple[bytes, str]], notes: list[str]) -> t
     """Return what is painted on the roads beside lines and crosswalks; nothing drives by it.
 
     Args:
-        files: content and name for errors, by file name; `MARKING_FILE` is optional.
+        files: content and name for errors, by kind; `markings` is optional.
         notes: gets a remark if the file cannot be read, or if outlines are left out.
     """
-    if MARKING_FILE not in files:
+    if "markings" not in files:
         return ()
     found, num_left_out = [], 0
     try:
-        entries = read_document(_MARKINGS, *files[MARKING_FILE], MAX_MAP_BYTES)
+        entries = read_document(_MARKINGS, *files["markings"], MAX_MAP_BYTES)
         for i, entry in enumerate(entries):
             if (entry.sub_type or "").startswith(_CROSSWALK):
                 continue
             if not 3 <= len(entry.points) <= MAX_CORNERS:  # noqa: PLR2004 - an area has three corners
                 num_left_out += 1
                 continue
-            found.append(Marking(entry.idx, read_line(entry.points, f"{files[MARKING_FILE][1]}: [{i}].points")))
+            found.append(Marking(entry.idx, read_line(entry.points, f"{files['markings'][1]}: [{i}].points")))
     except DocumentError as error:
         notes.append(f"nothing is drawn of it: {error}")
         return ()
@@ -79,13 +79,11 @@ def read_signs(files: Mapping[str, tuple[bytes, str]], notes: list[str]) -> tupl
     """Return the signs beside the roads; nothing drives by them.
 
     Args:
-        files: content and name for errors, by file name; `SIGN_FILE` is optional.
+        files: content and name for errors, by kind; `signs` is optional.
         notes: gets a remark if the file cannot be read.
     """
-    if SIGN_FILE not in files:
-        return ()
     try:
-        entries = read_document(_SIGNS, *files[SIGN_FILE], MAX_MAP_BYTES)
+        entries = read_document(_SIGNS, *files["signs"], MAX_MAP_BYTES) if "signs" in files else []
     except DocumentError as error:
         notes.append(f"nothing is drawn of it: {error}")
         return ()

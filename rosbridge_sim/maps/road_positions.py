@@ -136,12 +136,6 @@ class RoadPositions:
         part = self._points(lane)
         return float(np.interp(s, self._roads.s[part], self.spans[lane].s))
 
-    def road_t(self, lane: int, s: float, offset: float = 0.0) -> float:
-        """Return the distance to the left of the reference line of a place on a lane of the map [m]."""
-        span = self.spans[lane]
-        middle = float(np.interp(s, self._roads.s[self._points(lane)], span.aside))
-        return middle + (offset if span.is_forward else -offset)
-
     def _points(self, lane: int) -> slice:
         return slice(int(self._roads.first[lane]), int(self._roads.first[lane + 1]))
 

@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.maps.opendrive.signal_elements import LanesOfRoads, SignalGroup, SignalsRead
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import DEFAULT_SPEED_LIMIT
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Phase, SignalPlan, Walk
@@ -113,12 +114,10 @@ def _plan_junction(roads: Roads, lanes: LanesOfRoads, name: str, groups: Sequenc
     conflict = _find_conflicts(roads, lanes, groups)
     chosen: list[list[int]] = []
     for row in range(len(groups)):
-        fitting = (phase for phase in chosen if not conflict[row, phase].any())
-        phase = next(fitting, None)
+        phase = next((phase for phase in chosen if not conflict[row, phase].any()), None)
         if phase is None:
-            chosen.append([row])
-        else:
-            phase.append(row)
+            chosen.append(phase := [])
+        phase.append(row)
     for phase in chosen:
         phase += [row for row in range(len(groups)) if row not in phase and not conflict[row, phase].any()]
     yellow, red = _clearance(roads, lanes, groups)
@@ -147,9 +146,7 @@ def _plan_junction(roads: Roads, lanes: LanesOfRoads, name: str, groups: Sequenc
     )
 
 
-def _find_conflicts(
-    roads: Roads, lanes: LanesOfRoads, groups: Sequence[SignalGroup]
-) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+def _find_conflicts(roads: Roads, lanes: LanesOfRoads, groups: Sequence[SignalGroup]) -> BoolArray:
     """Return which groups may not be green together, (k, k) bool."""
     found = np.zeros((len(groups), len(groups)), dtype=bool)
     ways = [_places(roads, group) for group in groups]
@@ -166,7 +163,7 @@ def _find_conflicts(
     return found
 
 
-_Places = tuple[np.ndarray[tuple[int, int], np.dtype[np.float64]], np.ndarray[tuple[int], np.dtype[np.int64]]]
+_Places = tuple[FloatArray, IntArray]
 
 
 def _places(roads: Roads, group: SignalGroup) -> _Places:

@@ -52,7 +52,7 @@ from rosbridge_sim.maps.opendrive.signal_elements import (
     read_crosswalks_of,
     read_signals,
 )
-from rosbridge_sim.maps.road_map import Border, Projection, RoadMap
+from rosbridge_sim.maps.road_map import Border, RoadMap
 from rosbridge_sim.maps.road_positions import RoadPositions, RoadSpan
 from rosbridge_sim.records import replace
 from rosbridge_sim.world.roads.roads import Roads
@@ -188,14 +188,10 @@ class _Reading:
         if not text:
             self._notes.append("there is no <geoReference>, so /gps has no fix")
             return
-        self._projection = self._read_projection(text)
-
-    def _read_projection(self, text: str) -> Projection:
         try:
-            return read_projection(text, "<geoReference>")
+            self._projection = read_projection(text, "<geoReference>")
         except DocumentError as error:
             self._notes.append(f"no fix of /gps: {error}")
-            return NO_PROJECTION
 
     def _take_road(self, element: Element) -> None:
         road = read_road(element)
