@@ -18,8 +18,7 @@ from rosbridge_sim.graph.ros1.master_view import MasterView
 from rosbridge_sim.graph.ros1.ros1_graph import type_of
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Parts
 from rosbridge_sim.shell.ros1.service_links import FarServices, probe
-from rosbridge_sim.shell.ros1.topic_links import LOST, why_lost
-from rosbridge_sim.shell.ros1.topic_readers import TopicReaders
+from rosbridge_sim.shell.ros1.topic_links import LOST, TopicReaders, why_lost
 from rosbridge_sim.shell.ros1.xmlrpc_http import UnreachableError, call
 
 MAX_ASKED: Final = 50

@@ -2,7 +2,7 @@
 
 One task looks at the master once a second, and registers what is wanted and missing there: so a master that was
 restarted gets everything anew. All else are connections on the event loop: `node_server` has those that nodes make to
-ours, `topic_readers` those to publishers, `service_links` those to services.
+ours, `topic_links` those to publishers, `service_links` those to services.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rosbridge_sim.shell.ros1.other_nodes import OtherNodes
 from rosbridge_sim.shell.ros1.registrations import Registrations
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices, Ros1Parts
 from rosbridge_sim.shell.ros1.service_links import FarServices
-from rosbridge_sim.shell.ros1.topic_readers import MAX_PUBLISHERS, TopicReaders
+from rosbridge_sim.shell.ros1.topic_links import MAX_PUBLISHERS, TopicReaders
 from rosbridge_sim.shell.ros1.xmlrpc_http import XmlRpcServer
 
 PERIOD: Final = 1.0

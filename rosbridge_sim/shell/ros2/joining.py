@@ -1,4 +1,4 @@
-"""The gateway to ROS 2, made from the settings."""
+"""The gateway to ROS 2, made from the settings, and its node: of one library, or of two."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rosbridge_sim.graph.gateway.far_graph import FarService
 from rosbridge_sim.graph.gateway.far_offers import FarOffers
 from rosbridge_sim.graph.gateway.gateway import PERIOD, Gateway
 from rosbridge_sim.graph.gateway.node_services import NodeServices
-from rosbridge_sim.graph.gateway.quality import read_choice
+from rosbridge_sim.graph.gateway.quality import Quality, read_choice
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
@@ -29,13 +29,62 @@ from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts, read_installed
 from rosbridge_sim.shell.ros2.dds_library import why_no_library
-from rosbridge_sim.shell.ros2.joint_node import JointNode
 from rosbridge_sim.shell.ros2.rclpy_actions import RclpyActions
 from rosbridge_sim.shell.ros2.rclpy_node import RclpyNode
-from rosbridge_sim.shell.ros2.rclpy_offers import RclpyOffers
-from rosbridge_sim.shell.ros2.rclpy_services import RclpyServices
+from rosbridge_sim.shell.ros2.rclpy_services import RclpyOffers, RclpyServices
 from rosbridge_sim.shell.ros2.rclpy_types import InstalledTypes, share_folders, why_not_there
 from rosbridge_sim.shell.ros2.ros2_node import NODE_BESIDE, NODE_NAME, Ros2Choices, Ros2Node
+
+
+class JointNode:
+    """Our node; see `FarNode`. The endpoints of other programs are those that rclpy sees."""
+
+    def __init__(self, rclpy: RclpyNode, dds: Ros2Node) -> None:
+        """Join two nodes in one domain into one.
+
+        Args:
+            rclpy: takes the topics whose types are installed.
+            dds: takes the others.
+        """
+        self._rclpy, self._dds = rclpy, dds
+        self._writers: dict[str, RclpyNode | Ros2Node] = {}
+        self._readers: dict[str, RclpyNode | Ros2Node] = {}
+        rclpy.hide(dds.program)
+
+    def _side(self, cdr_type: CdrType) -> RclpyNode | Ros2Node:
+        return self._rclpy if self._rclpy.types.has(cdr_type.name) else self._dds
+
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality, *, is_sole: bool) -> None:
+        """See `FarNode`."""
+        side = self._writers[topic] = self._side(cdr_type)
+        side.open_writer(topic, cdr_type, quality, is_sole=is_sole)
+
+    def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        """See `FarNode`."""
+        side = self._readers[topic] = self._side(cdr_type)
+        side.open_reader(topic, cdr_type, quality)
+
+    def close_writer(self, topic: str) -> None:
+        """See `FarNode`."""
+        self._writers.pop(topic).close_writer(topic)
+
+    def close_reader(self, topic: str) -> None:
+        """See `FarNode`."""
+        self._readers.pop(topic).close_reader(topic)
+
+    def write(self, topic: str, raw: bytes) -> bool:
+        """See `FarNode`."""
+        return self._writers[topic].write(topic, raw)
+
+    def start(self) -> None:
+        """Let messages come from now on."""
+        self._rclpy.start()
+
+    def stop(self) -> None:
+        """Leave the domain."""
+        self._rclpy.stop()
+        self._dds.stop()
+
 
 _log = logging.getLogger("rosbridge_sim.ros2")
 

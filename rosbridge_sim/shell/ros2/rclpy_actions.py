@@ -13,7 +13,7 @@ from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.ros2.cdr_types import CdrActionType
 from rosbridge_sim.graph.ros2.ros2_actions import FarGoalEar, Ros2Actions
 from rosbridge_sim.shell.ros2.rclpy_node import READY_PERIOD, RclpyNode
-from rosbridge_sim.shell.ros2.rclpy_offers import RclpyOffers
+from rosbridge_sim.shell.ros2.rclpy_services import RclpyOffers
 from rosbridge_sim.shell.ros2.rclpy_types import RclpyObject, rclpy_errors, read_cdr, write_cdr
 
 VERDICT_PATIENCE: Final = 1.0
@@ -33,7 +33,6 @@ class RclpyActions(RclpyOffers[CdrActionType]):
     kind = "action"
 
     actions: Ros2Actions
-    """The actions of the bus; set before the first offer."""
 
     # Actions of nodes
 

@@ -9,9 +9,8 @@ from typing import Any, Literal
 import pytest
 
 from rosbridge_sim.graph.attach.announcing import UNREGISTER_TIME
-from rosbridge_sim.graph.attach.connection import PROBE
+from rosbridge_sim.graph.attach.connection import PROBE, PROBE_PATIENCE
 from rosbridge_sim.graph.attach.mirror import Mirror
-from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
 from rosbridge_sim.graph.bus import Bus

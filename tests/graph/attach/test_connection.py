@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Values
+from rosbridge_sim.graph.attach.connection import PROBE, PROBE_PATIENCE, BridgeConnection, Values
 from rosbridge_sim.graph.attach.flow_control import MAX_IN_FLIGHT
-from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.outbox import OutboxLimits
 

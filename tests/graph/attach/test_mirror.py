@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.attach.connection import MAX_WAITING_BYTES, PROBE, BridgeConnection
+from rosbridge_sim.graph.attach.connection import MAX_WAITING_BYTES, PROBE, PROBE_PATIENCE, BridgeConnection
 from rosbridge_sim.graph.attach.diagnostics import MAX_LINES, PERIOD
 from rosbridge_sim.graph.attach.flow_control import MAX_IN_FLIGHT
 from rosbridge_sim.graph.attach.mirror import OPS_PER_TURN
-from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
 from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.graph.refusals import RefusedRequest
