@@ -20,13 +20,6 @@ TRAFFIC_INTERVAL = 10
 """Frames from one look of traffic to the next, see `traffic_demand`."""
 
 
-class _NoStatuses:
-    """Nobody is told of the egos here."""
-
-    def forget_statuses(self) -> None:
-        """Do nothing."""
-
-
 class SavedScene(Record):
     """A copy of a world with its scene; opaque.
 
@@ -48,7 +41,6 @@ class OneScene:
         world: moved by a `WorldSet`.
         scene: its population.
         hooks: the moments at which the traffic acts; a caller calls those of `after_frame`.
-        egos: nobody is told of them.
         has_traffic: vehicles come and go.
 
     Args:
@@ -72,7 +64,7 @@ class OneScene:
         *,
         num_egos: int = 1,
     ) -> None:
-        self.world, self.hooks, self.egos = world, Hooks(), _NoStatuses()
+        self.world, self.hooks = world, Hooks()
         if not 1 <= num_egos <= MAX_EGOS:
             raise ValueError(f"egos: expected 1..{MAX_EGOS}, got {num_egos!r}")
         if scenario.story is not None:
@@ -85,7 +77,7 @@ class OneScene:
         self.scene = Scene(world, library, scenario, ego_gear=Gear.DRIVE)
         self._num_more = num_egos - 1
         self._add_egos()
-        self.traffic = Traffic(self, traffic)
+        self.traffic = Traffic(self.scene, self.hooks, lambda: None, traffic)
 
     def after_frame(self) -> None:
         """Let vehicles come and go; nothing on most frames."""

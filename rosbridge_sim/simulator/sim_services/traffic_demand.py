@@ -16,11 +16,11 @@ from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from hashlib import blake2b
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.scenarios.catalogue import Model
+from rosbridge_sim.scenarios.catalogue import Catalogue, Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.kernel.component import Component
@@ -33,7 +33,7 @@ from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_spe
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER
 from rosbridge_sim.world.roads.routing import KnownRoutes
-from rosbridge_sim.world.state.world import Kind, World, in_frames
+from rosbridge_sim.world.state.world import Kind, in_frames
 
 MAX_TRAFFIC: Final = 10_000
 """Largest `--traffic`: what one step is made for."""
@@ -90,55 +90,31 @@ _FILL: Final = -1
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-class EgoStatuses(Protocol):
-    """Messages about the egos, which are kept until something changes."""
-
-    def forget_statuses(self) -> None:
-        """Make the messages anew when they are asked for."""
-
-
-class TrafficHost(Protocol):
-    """The surroundings of traffic: a `SimulatorContext`, or a world without a server."""
-
-    @property
-    def world(self) -> World:
-        """The world."""
-
-    @property
-    def scene(self) -> Scene:
-        """Its population."""
-
-    @property
-    def hooks(self) -> Hooks:
-        """The moments at which traffic acts."""
-
-    @property
-    def egos(self) -> EgoStatuses:
-        """The messages about the egos."""
-
-
 class Traffic(Component):
     """The component of spawn points and of `--traffic`."""
 
-    def __init__(self, context: TrafficHost, num: int = 0, *, wanders: bool = True) -> None:
+    def __init__(
+        self, scene: Scene, hooks: Hooks, on_change: Callable[[], None], num: int = 0, *, wanders: bool = True
+    ) -> None:
         """Fill the opening scene.
 
         Args:
-            context: where it is, with the opening scene.
+            scene: the opening one.
+            hooks: the moments at which traffic acts.
+            on_change: called when vehicles have come or gone: messages about them are to be made anew.
             num: vehicles on the lanes besides those of the scenario, at most; 0 for none.
             wanders: these vehicles wander within their lanes.
         """
-        self._context = context
+        self._scene, self._world, self._hooks, self._on_change = scene, scene.world, hooks, on_change
         self._wander = USUAL_WANDER if wanders else 0.0
         self._wanted = num
-        self._mix = _read_mix(context)
+        self._mix = _read_mix(scene.catalogue)
         self._load: Load | None = None
         self._due: list[int] = []
         self._num_made: list[int] = []
         self._fill_due, self._fill_made, self._target = 0, 0, 0
         self._owner: dict[int, int] = {}
         self._routes: dict[int, tuple[int, ...]] = {}
-        hooks = context.hooks
         hooks.after_frame.append(self._act)
         hooks.on_reset.append(self._forget)
         hooks.on_new_scene.append(self._begin)
@@ -172,8 +148,8 @@ class Traffic(Component):
 
     def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - the interface has it
         """Become what was saved."""
-        self._context.hooks.after_frame.wake(self._act)
-        self._load = self._context.scene.loaded
+        self._hooks.after_frame.wake(self._act)
+        self._load = self._scene.loaded
         self._routes = {}
         num = len(self._points)
         if data is None:
@@ -204,7 +180,7 @@ class Traffic(Component):
 
     @property
     def _points(self) -> tuple[SpawnPoint, ...]:
-        return self._context.scene.loaded.spawn_points
+        return self._scene.loaded.spawn_points
 
     def _forget(self) -> None:
         """Begin anew: the world is that of frame 0."""
@@ -212,8 +188,8 @@ class Traffic(Component):
 
     def _begin(self, _now: float) -> None:
         """Follow a new scene; a load that left the scene as it was changes nothing but the number of vehicles."""
-        scene, world = self._context.scene, self._context.world
-        self._context.hooks.after_frame.wake(self._act)
+        scene, world = self._scene, self._world
+        self._hooks.after_frame.wake(self._act)
         if self._load is None:
             self._owner = {}
             self._fill_made = 0
@@ -231,10 +207,10 @@ class Traffic(Component):
     def _act(self, _now: float) -> None:
         """Take away what has arrived, and add what is due."""
         if not self._points and not self._target:
-            self._context.hooks.after_frame.rest(self._act)
+            self._hooks.after_frame.rest(self._act)
             return
-        world = self._context.world
-        if world.frame % INTERVAL or self._context.scene.is_replaying:
+        world = self._world
+        if world.frame % INTERVAL or self._scene.is_replaying:
             return
         if world.frame % COUNT_INTERVAL == 0:
             self._owner = {uid: owner for uid, owner in self._owner.items() if uid in world}
@@ -245,11 +221,11 @@ class Traffic(Component):
         if self._target:
             self._replace_missing()
         if len(world) != num:
-            self._context.egos.forget_statuses()
+            self._on_change()
 
     def _serve_due(self) -> None:
         """Add the vehicles of the spawn points that are due."""
-        frame = self._context.world.frame
+        frame = self._world.frame
         due = [i for i in range(len(self._points)) if frame >= self._due[i]]
         if len(due) > MAX_DUE:  # those that have waited longest come first, so all have their turn
             due = sorted(sorted(due, key=self._due.__getitem__)[:MAX_DUE])
@@ -268,7 +244,7 @@ class Traffic(Component):
     def _chance(self, number: int, question: str) -> float:
         """Return a number from 0 to below 1 for the next vehicle of a point."""
         made = self._fill_made if number == _FILL else self._num_made[number]
-        text = f"{self._context.world.seed} {number} {made} {question}"
+        text = f"{self._world.seed} {number} {made} {question}"
         return int.from_bytes(blake2b(text.encode(), digest_size=6).digest()) / 2.0**48
 
     def _bell(self, number: int) -> float:
@@ -277,7 +253,7 @@ class Traffic(Component):
 
     def _serve(self, number: int, point: SpawnPoint, num_there: int) -> None:
         """Add the vehicle that is due at a point, of which some are there; without room it has to wait."""
-        world = self._context.world
+        world = self._world
         roads = world.roads
         model = point.models[int(self._chance(number, "model") * len(point.models))]
         low, high = point.desired_speed
@@ -303,7 +279,7 @@ class Traffic(Component):
         if number not in self._routes:
             way = None
             if point.goal_lane >= 0:
-                routes = self._context.world.roads.derived(KnownRoutes)
+                routes = self._world.roads.derived(KnownRoutes)
                 way = routes.find(point.lane, point.s, point.goal_lane, point.goal_s)
                 if way is None:
                     _log.warning("%s: no way leads to its destination; its vehicles turn at random", point.where)
@@ -312,7 +288,7 @@ class Traffic(Component):
 
     def _remove_arrived(self) -> None:
         """Take away the vehicles that have come to their goal, or to the end of a road."""
-        world, points = self._context.world, self._points
+        world, points = self._world, self._points
         if not self._owner:
             return
         rows = stand_at_ends(world).nonzero()[0]
@@ -331,12 +307,12 @@ class Traffic(Component):
             if num and world.has_lane[row] and (world.turns[row] >= num or (is_there and world.turns[row] >= num - 1)):
                 gone.append(uid)
         for uid in dict.fromkeys(gone):
-            self._context.scene.remove(uid)
+            self._scene.remove(uid)
             del self._owner[uid]
 
     def _add(self, model: Model, speed: float, start: Callable[[int], LaneStart]) -> int | None:
         """Add a vehicle to a lane, by its row; return its id, or None if the world is full."""
-        scene, world = self._context.scene, self._context.world
+        scene, world = self._scene, self._world
         if len(world) >= MAX_ENTITIES:
             return None
         # It is put onto its lane afterwards.
@@ -350,7 +326,7 @@ class Traffic(Component):
         """Put vehicles onto the lanes, up to the wanted number, and tell how many there are."""
         if not self._wanted:
             return
-        scene, world = self._context.scene, self._context.world
+        scene, world = self._scene, self._world
         slots = world.roads.derived(LaneSlots.of)
         num_there = self._num_filled()
         free = np.flatnonzero(keep_clear(world, slots, CLEAR))
@@ -378,7 +354,7 @@ class Traffic(Component):
 
     def _replace_missing(self) -> None:
         """Bring a vehicle for one that has left, some time later; its place is random and out of sight."""
-        world = self._context.world
+        world = self._world
         num_missing = self._target - self._num_filled()
         if num_missing <= 0:
             self._fill_due = 0
@@ -407,7 +383,7 @@ class Traffic(Component):
         self._fill_due = world.frame + RETRY
 
     def _is_out_of_sight(self, slots: LaneSlots, slot: int) -> bool:
-        world = self._context.world
+        world = self._world
         egos = world.rows(Kind.EGO)
         away = np.hypot(world.x[egos] - slots.x[slot], world.y[egos] - slots.y[slot])
         return not (away < OUT_OF_SIGHT).any()
@@ -417,11 +393,11 @@ class Traffic(Component):
         return next(model for model, upto in self._mix if share < upto)
 
 
-def _read_mix(context: TrafficHost) -> list[tuple[Model, float]]:
+def _read_mix(catalogue: Catalogue) -> list[tuple[Model, float]]:
     """Return the models of `--traffic`, each with the sum of the shares up to it."""
     total, found = 0.0, []
     for name, share in MIX:
-        model = context.scene.catalogue.find(name)
+        model = catalogue.find(name)
         if model is not None and model.kind is Kind.VEHICLE:  # a table of the user's may give the name another meaning
             total += share
             found.append((model, total))
