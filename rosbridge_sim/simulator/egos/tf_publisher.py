@@ -163,16 +163,11 @@ class TfPublisher:
             A TFMessage with a transform for each.
         """
         frame = self._world.frame
-        return self._message(
-            [
-                self._stamped(
-                    self._convert.header(frame, mount.parent),
-                    mount.name,
-                    self._pose(mount.mounting.place, mount.mounting.orientation),
-                )
-                for mount in mounts
-            ]
-        )
+        transforms = []
+        for mount in mounts:
+            pose = self._pose(mount.mounting.place, mount.mounting.orientation)
+            transforms.append(self._stamped(self._convert.header(frame, mount.parent), mount.name, pose))
+        return self._message(transforms)
 
     def _pose(self, place: Vector, axes: Quaternion) -> Struct:
         return self._transform(self._vector(*place), self._quaternion(*axes))

@@ -263,15 +263,9 @@ class Services(Component):
         if option & _PAUSE_BIT:
             driver = self._context.sync_driver
             (driver.pause if request.set_pause else driver.resume)(now)
-        call.respond(
-            self._make_event(
-                option,
-                ego.ctrl_mode.value,
-                ego.gear.value,
-                self._make_lamps(self._context.convert.header(self._context.world.frame), *ego.lamps),
-                self._context.sync.is_paused,
-            )
-        )
+        shown = self._make_lamps(self._context.convert.header(self._context.world.frame), *ego.lamps)
+        is_paused = self._context.sync.is_paused
+        call.respond(self._make_event(option, ego.ctrl_mode.value, ego.gear.value, shown, is_paused))
 
     # Ours
 

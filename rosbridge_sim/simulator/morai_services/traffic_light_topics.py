@@ -71,18 +71,11 @@ class TrafficLightTopics(Component):
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
         """Publish the light ahead of the ego, and the intersection around it."""
-        publishers.add(
-            prefix + "GetTrafficLightStatus",
-            "morai_msgs/GetTrafficLightStatus",
-            partial(self._light_ahead, ego),
-            is_shown_in_pause=True,
-        )
-        publishers.add(
-            prefix + "InsnStatus",
-            "morai_msgs/IntersectionStatus",
-            partial(self._intersection_around, ego),
-            is_shown_in_pause=True,
-        )
+        for name, kind, make in (
+            ("GetTrafficLightStatus", "morai_msgs/GetTrafficLightStatus", self._light_ahead),
+            ("InsnStatus", "morai_msgs/IntersectionStatus", self._intersection_around),
+        ):
+            publishers.add(prefix + name, kind, partial(make, ego), is_shown_in_pause=True)
 
     # Out
 
@@ -159,11 +152,8 @@ class TrafficLightTopics(Component):
 
     def _set_phase(self, message: Struct, sender: Participant, _now: float) -> None:
         where = "morai_msgs/IntersectionControl"
-        number, phase, seconds = (
-            message.intersection_index,
-            message.intersection_status,
-            message.intersection_status_time,
-        )
+        number, phase = message.intersection_index, message.intersection_status
+        seconds = message.intersection_status_time
         signals = self._signals
         numbers = [controller.number for controller in signals.plan.controllers]
         if number not in numbers:

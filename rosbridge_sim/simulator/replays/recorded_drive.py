@@ -229,17 +229,12 @@ class Recording:
 
 def to_plain(recording: Recording) -> PlainData:
     """Return a recording as plain data; it is meant for the single moment of a network replay."""
-    track = recording.objects
-    return {
-        "name": recording.name,
-        "egos": [(index, ego.stamps, ego.values) for index, ego in recording.egos.items()],
-        "objects": None
-        if track is None
-        else (
-            *(track.stamps, track.starts, track.actor_indices, track.values),
-            [actor_to_plain(actor) for actor in track.actors],
-        ),
-    }
+    track, objects = recording.objects, None
+    if track is not None:
+        actors = [actor_to_plain(actor) for actor in track.actors]
+        objects = (track.stamps, track.starts, track.actor_indices, track.values, actors)
+    egos = [(index, ego.stamps, ego.values) for index, ego in recording.egos.items()]
+    return {"name": recording.name, "egos": egos, "objects": objects}
 
 
 def from_plain(data: PlainData) -> Recording:

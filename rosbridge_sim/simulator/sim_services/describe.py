@@ -39,6 +39,13 @@ _CHANGES: Final = {
     LaneChange.AROUND: "to pass what stands",
 }
 
+_FIGURES: Final = {
+    **{name: name for name in ("kind", "x", "y", "z", "speed", "start_within")},
+    "heading": "yaw",
+    "acceleration": "accel",
+}
+"""Field of the response -> column of the world."""
+
 _AHEAD: Final = ("ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5")
 
 
@@ -76,19 +83,12 @@ class Describe(Component):
         behaviour, controlled_by = self._behaviour(row, ego)
         fields: dict[str, Any] = {
             "frame": world.frame,
-            "kind": world.kind.item(row),
             "model": world.names[row],
-            "x": world.x.item(row),
-            "y": world.y.item(row),
-            "z": world.z.item(row),
-            "heading": world.yaw.item(row),
-            "speed": world.speed.item(row),
-            "acceleration": world.accel.item(row),
+            **{field: getattr(world, column).item(row) for field, column in _FIGURES.items()},
             **self._place(row),
             "behaviour": behaviour,
             "controlled_by": controlled_by,
             "client": "" if ego is None or ego.commander is None else ego.commander.where,
-            "start_within": world.start_within.item(row),
             "gap": NOTHING,
             "stop_distance": NOTHING,
         }

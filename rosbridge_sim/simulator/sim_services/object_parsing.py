@@ -14,7 +14,6 @@ import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.control import gear_of
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model
 from rosbridge_sim.simulator.egos.ego import CtrlMode
@@ -387,12 +386,9 @@ def _read_path(message: Struct, where: str) -> FloatArray:
 
 def _read_gear(number: int, where: str) -> Gear:
     try:
-        gear = gear_of(number)
-    except FieldError:
-        gear = None
-    if gear is None:
-        raise FieldError(f"{where}.gear: expected 1 (P), 2 (R), 3 (N) or 4 (D), got {number}")
-    return gear
+        return Gear(number)
+    except ValueError:
+        raise FieldError(f"{where}.gear: expected 1 (P), 2 (R), 3 (N) or 4 (D), got {number}") from None
 
 
 def _read_ctrl_mode(number: int, where: str) -> CtrlMode:

@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol, TypeVar
 
 from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, asdict
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -125,24 +125,17 @@ class Scenarios(Component):
         first, count = request.first, min(request.count or MAX_LISTED, MAX_LISTED)
 
         def answer(found: Listing) -> dict[str, Any]:
-            loaded = self._context.scene.loaded.name
-            return {
-                "scenarios": [
-                    self._make_scenario(
-                        *(each.name, each.map_name, each.num_egos, each.num_vehicles, each.num_pedestrians),
-                        *(each.num_obstacles, each.name.rpartition("/")[2] == loaded, each.problem),
-                    )
-                    for each in found.scenarios
-                ],
-                "num_scenarios": found.num_scenarios,
-                "recordings": [
-                    self._make_recording(
-                        each.name, each.size, self._context.bus.store.time_value(max(each.modified_ns, 0))
-                    )
-                    for each in found.recordings
-                ],
-                "num_recordings": found.num_recordings,
-            }
+            loaded, time_value = self._context.scene.loaded.name, self._context.bus.store.time_value
+            numbers = {"num_scenarios": found.num_scenarios, "num_recordings": found.num_recordings}
+            scenarios = []
+            for each in found.scenarios:
+                *fields, problem = asdict(each).values()  # in the order of the message
+                scenarios.append(self._make_scenario(*fields, each.name.rpartition("/")[2] == loaded, problem))
+            recordings = [
+                self._make_recording(each.name, each.size, time_value(max(each.modified_ns, 0)))
+                for each in found.recordings
+            ]
+            return {"scenarios": scenarios, "recordings": recordings, **numbers}
 
         self._read(call, lambda shelf: lambda: shelf.list(first, count), answer, now)
 
