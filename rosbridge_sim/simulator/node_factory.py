@@ -121,7 +121,8 @@ def make_node(
     CommandExecutor(context, sensors)
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
     road_services = RoadServices(context)
-    traffic = Traffic(context, chosen.traffic, wanders=chosen.traffic_wander)
+    forget = context.egos.forget_statuses
+    traffic = Traffic(context.scene, context.hooks, forget, chosen.traffic, wanders=chosen.traffic_wander)
     commands = CommandTopics(context)
     components: list[Component] = [
         StatePublishers(context),
@@ -209,26 +210,8 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     sync_info = SyncInfo(bus.store, world, sync, publishers)
     static_tf = StaticTf(transforms, egos, publishers)
     parts = SimulatorParts(
-        bus=bus,
-        participant=participant,
-        world=world,
-        library=library,
-        convert=convert,
-        scene=scene,
-        egos=egos,
-        sync=sync,
-        barrier=barrier,
-        hooks=hooks,
-        warnings=WarnOnce(),
-        interfaces=interfaces,
-        publishers=publishers,
-        failure=failure,
-        time=time,
-        pacer=RealTimePacer(),
-        sync_info=sync_info,
-        static_tf=static_tf,
-        gate=FrameGate(),
-        reader=reader,
+        *(bus, participant, world, library, convert, scene, egos, sync, barrier, hooks, WarnOnce()),
+        *(interfaces, publishers, failure, time, RealTimePacer(), sync_info, static_tf, FrameGate(), reader),
     )
     stepper = FrameStepper(parts, step)
     sync_driver = SyncDriver(parts, stepper)

@@ -181,17 +181,10 @@ class SyncDriver:
 
         named, call = world.frame + sync.num_frames, WaitingCall(OneTick(end), sync.num_frames)
         self._barrier_call = call
-        wait = partial(self.calls.append, call)
+        wait, is_held = partial(self.calls.append, call), not self._parts.gate.is_open
         try:
             outcome = sync.tick(
-                BARRIER_ID,
-                named,
-                world.frame,
-                barrier,
-                now,
-                on_wait=wait,
-                is_in_turns=True,
-                is_held=not self._parts.gate.is_open,
+                BARRIER_ID, named, world.frame, barrier, now, on_wait=wait, is_in_turns=True, is_held=is_held
             )
         except GraphError as error:  # the world has failed; it is told elsewhere
             barrier.not_moved(str(error), now)
@@ -228,16 +221,8 @@ class SyncDriver:
         def wait() -> None:
             self.calls.append(WaitingCall(OneTick(on_end), sync.num_frames))
 
-        outcome = sync.tick(
-            user_id,
-            named,
-            self._world.frame,
-            caller,
-            now,
-            on_wait=wait,
-            is_in_turns=True,
-            is_held=not self._parts.gate.is_open,
-        )
+        frame, is_held = self._world.frame, not self._parts.gate.is_open
+        outcome = sync.tick(user_id, named, frame, caller, now, on_wait=wait, is_in_turns=True, is_held=is_held)
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
             return

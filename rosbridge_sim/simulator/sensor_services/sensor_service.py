@@ -155,19 +155,11 @@ class SensorService(Component):
             spec = mounted.spec
             place = _place_of(rig.ego.mountings[spec.frame_id])
             num = sum(one > frame - MEASURED_FRAMES for one in mounted.frames)
-            infos.append(
-                self._make_info(
-                    i,
-                    spec.kind,
-                    spec.frame_id,
-                    [one.topic.name for one in mounted.publishers if one.topic is not None],
-                    rig.rate_of(mounted),
-                    num * FRAME_RATE / min(MEASURED_FRAMES, max(frame, 1)),
-                    mounted.num_skipped,
-                    *place.values(),
-                    json.dumps(msgspec.to_builtins(spec) | place),
-                )
-            )
+            measured = num * FRAME_RATE / min(MEASURED_FRAMES, max(frame, 1))
+            topics = [one.topic.name for one in mounted.publishers if one.topic is not None]
+            settings = json.dumps(msgspec.to_builtins(spec) | place)
+            rates = rig.rate_of(mounted), measured, mounted.num_skipped
+            infos.append(self._make_info(i, spec.kind, spec.frame_id, topics, *rates, *place.values(), settings))
         return infos
 
 
