@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from rosbridge_sim.shell.config.value_types import FILE, PATTERNS, SECRET, SWITCH, URLS, ValueType
+from rosbridge_sim.shell.config.value_types import FILE, PATTERNS, SECRET, SWITCH, URLS, ValueType, item_choices
 
 T = TypeVar("T")
 
@@ -43,6 +43,10 @@ class FlagGroup:
     def optional(self, text: str, kind: ValueType = FILE) -> Any:  # noqa: ANN401 - of the kind, or None
         """Return a field that is None by default."""
         return self.flag(None, kind, text)
+
+    def table(self, name: str, text: str) -> dict[str, Any]:
+        """Return a field with a table of the settings file, of which a default setting has no entry."""
+        return self.flag({}, item_choices(name), text)
 
     def choice(self, default: T, text: str, *, none: str = "") -> T:
         """Return a field with the words of its type, a `Literal`; the word `none` stands for None."""

@@ -24,7 +24,6 @@ from rosbridge_sim.shell.config.value_types import (
     SECRET,
     URLS,
     factor,
-    item_choices,
     metres,
     or_none,
     period,
@@ -336,20 +335,14 @@ class Settings:
         "after an internal error in a step of the world, end with code 1, or go on serving clients without the world",
     )
 
-    publishers: Mapping[str, "InterfaceChoice"] = _NETWORK.flag(
-        cast("Mapping[str, InterfaceChoice]", {}),
-        item_choices("publishers"),
-        "topics that the simulator publishes: name, rate [Hz, at most 120], on or off",
+    publishers: Mapping[str, "InterfaceChoice"] = _NETWORK.table(
+        "publishers", "topics that the simulator publishes: name, rate [Hz, at most 120], on or off"
     )
-    subscribers: Mapping[str, "InterfaceChoice"] = _NETWORK.flag(
-        cast("Mapping[str, InterfaceChoice]", {}),
-        item_choices("subscribers"),
-        "topics that the simulator subscribes to: name, on or off",
+    subscribers: Mapping[str, "InterfaceChoice"] = _NETWORK.table(
+        "subscribers", "topics that the simulator subscribes to: name, on or off"
     )
-    services: Mapping[str, "InterfaceChoice"] = _NETWORK.flag(
-        cast("Mapping[str, InterfaceChoice]", {}),
-        item_choices("services"),
-        "services that the simulator offers: name, on or off",
+    services: Mapping[str, "InterfaceChoice"] = _NETWORK.table(
+        "services", "services that the simulator offers: name, on or off"
     )
 
     replay_info: bool = _NETWORK.switch(

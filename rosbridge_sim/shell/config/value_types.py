@@ -266,12 +266,22 @@ def _read_folders(value: object) -> tuple[str, ...]:
 FOLDERS = ValueType("folders", _read_folders, "DIR", os.pathsep, accepts="Sequence[str | Path] | str | Path")
 
 
-def _read_patterns(value: object) -> tuple[str, ...]:
-    texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
-    patterns = tuple(text.strip() for text in texts)
-    if not all(pattern.isprintable() and pattern and " " not in pattern for pattern in patterns):
-        raise ValueError
-    return patterns
+def _patterns_of(expects: str, sign: str, is_right: Callable[[str], object] = bool) -> ValueType:
+    """Return the type of several texts without blanks.
+
+    Args:
+        expects, sign: as of `ValueType`.
+        is_right: tells whether one of them may be such a text; it may raise ValueError instead.
+    """
+
+    def read(value: object) -> tuple[str, ...]:
+        texts = [value] if isinstance(value, str) else cast("Sequence[str]", value)
+        found = tuple(text.strip() for text in texts)
+        if not all(text.isprintable() and text and " " not in text and is_right(text) for text in found):
+            raise ValueError
+        return found
+
+    return ValueType(expects, read, sign, ",")
 
 
 def _read_assignments(value: object) -> tuple[str, ...]:
@@ -283,39 +293,26 @@ def _read_assignments(value: object) -> tuple[str, ...]:
 
 ASSIGNMENTS = ValueType("assignments NAME=VALUE", _read_assignments, "NAME=VALUE", "\n")
 
-PATTERNS = ValueType("patterns without blanks, such as /camera/*", _read_patterns, "PATTERN", ",")
+PATTERNS = _patterns_of("patterns without blanks, such as /camera/*", "PATTERN")
 
-ORIGINS = ValueType("origins without blanks, such as https://*.example.org", _read_patterns, "ORIGIN", ",")
+ORIGINS = _patterns_of("origins without blanks, such as https://*.example.org", "ORIGIN")
 
-
-def _read_hosts(value: object) -> tuple[str, ...]:
-    hosts = _read_patterns(value)
-    if any("/" in host or "@" in host for host in hosts):
-        raise ValueError
-    return hosts
+HOSTS = _patterns_of("host names without blanks, such as sim or *.lab.example", "HOST", {"/", "@"}.isdisjoint)
 
 
-HOSTS = ValueType("host names without blanks, such as sim or *.lab.example", _read_hosts, "HOST", ",")
+def _name_of(example: str, *, may_be_empty: bool = False) -> ValueType:
+    def read(value: object) -> str:
+        name = cast("str", value).strip().rstrip("/")  # a value that is not text raises, as it should
+        if not is_name(name) and (name or not may_be_empty):
+            raise ValueError
+        return name
+
+    return ValueType(f"an absolute name of ROS, such as {example}", read, "NAME")
 
 
-def _read_namespace(value: object) -> str:
-    name = cast("str", value).strip().rstrip("/")  # a value that is not text raises, as it should
-    if name and not is_name(name):
-        raise ValueError
-    return name
+NAMESPACE = _name_of("/sim1", may_be_empty=True)
 
-
-NAMESPACE = ValueType("an absolute name of ROS, such as /sim1", _read_namespace, "NAME")
-
-
-def _read_node_name(value: object) -> str:
-    name = _read_namespace(value)
-    if not name:
-        raise ValueError
-    return name
-
-
-NODE_NAME = ValueType("an absolute name of ROS, such as /rosbridge_sim", _read_node_name, "NAME")
+NODE_NAME = _name_of("/rosbridge_sim")
 
 
 def _read_master(value: object) -> str:
@@ -330,34 +327,17 @@ def _read_master(value: object) -> str:
 MASTER = or_none(ValueType("http://HOST:PORT or env", _read_master, "URL|env"), "none")
 
 
-def _read_qualities(value: object) -> tuple[str, ...]:
-    texts = _read_patterns(value)
-    for text in texts:
-        read_choice(text)
-    return texts
-
-
-QUALITIES = ValueType(
-    f"PATTERN=PROFILE with the profile {' or '.join(PROFILES)}, such as /camera*=sensor_data",
-    _read_qualities,
-    "PATTERN=PROFILE",
-    ",",
+_PROFILES = " or ".join(PROFILES)
+QUALITIES = _patterns_of(
+    f"PATTERN=PROFILE with the profile {_PROFILES}, such as /camera*=sensor_data", "PATTERN=PROFILE", read_choice
 )
-
-
-def _read_frames(value: object) -> tuple[str, ...]:
-    origins = _read_patterns(value)
-    if not all(_FRAME.fullmatch(origin) for origin in origins):
-        raise ValueError
-    return origins
-
 
 _FRAME = re.compile(
     r"https?://(?:\*\.)?[\w.-]+(?::(?:[0-9]{1,5}|\*))?|https?://\[[0-9a-fA-F:.]+\](?::[0-9]{1,5})?", re.ASCII
 )
 """A source of the Content-Security-Policy with a scheme; nothing else may enter that header."""
 
-FRAMES = ValueType("origins of web pages, such as https://*.example.org", _read_frames, "ORIGIN", ",")
+FRAMES = _patterns_of("origins of web pages, such as https://*.example.org", "ORIGIN", _FRAME.fullmatch)
 
 
 def _read_urls(value: object) -> tuple[str, ...]:
