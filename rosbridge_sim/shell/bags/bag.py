@@ -28,20 +28,7 @@ from rosbags.typesys.store import Typestore
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.schema.definitions.names import Generation
-from rosbridge_sim.shell.bags.rosbags_internals import (
-    connections_of,
-    drop_metadata2,
-    end_chunk1,
-    end_chunk2,
-    file_of1,
-    file_of2,
-    new_writer1,
-    new_writer2,
-    num_chunks1,
-    open_file2,
-    shorten_index1,
-    zero_times2,
-)
+from rosbridge_sim.shell.bags import rosbags_internals as internals
 from rosbridge_sim.shell.files.access_rights import why_not_writable
 
 Channel = Connection
@@ -220,7 +207,7 @@ class _Bag1(Bag):
     def __init__(self, path: Path) -> None:
         self._path = path
         with _readable(path):
-            self._writer = new_writer1(path)
+            self._writer = internals.new_writer1(path)
             self._writer.open()
             self.flush()
 
@@ -229,7 +216,7 @@ class _Bag1(Bag):
         if len(digest) != _DIGEST_SIZE:
             digest = _no_digest(type_name, text, 1)
         latched = 1 if latching else None
-        for known in connections_of(self._writer):
+        for known in internals.connections_of(self._writer):
             if (known.topic, known.digest, known.ext.latching) == (topic, digest, latched):  # type: ignore[union-attr]
                 return known
         full_name = type_name.replace("/", "/msg/")
@@ -237,28 +224,28 @@ class _Bag1(Bag):
 
     def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
         """See `Bag`."""
-        num_chunks = num_chunks1(self._writer)
+        num_chunks = internals.num_chunks1(self._writer)
         with _readable(self._path):
             self._writer.write(channel, stamp_ns, raw)
-        if num_chunks1(self._writer) > num_chunks:
-            shorten_index1(self._writer)
+        if internals.num_chunks1(self._writer) > num_chunks:
+            internals.shorten_index1(self._writer)
 
     def flush(self) -> None:
         """See `Bag`."""
         self._check_there()
         with _readable(self._path):
-            end_chunk1(self._writer)
-            shorten_index1(self._writer)
-            file = file_of1(self._writer)
+            internals.end_chunk1(self._writer)
+            internals.shorten_index1(self._writer)
+            file = internals.file_of1(self._writer)
             if file is not None:
                 file.flush()
 
     def _open_file(self) -> tuple[Path, BinaryIO] | None:
-        file = file_of1(self._writer)
+        file = internals.file_of1(self._writer)
         return None if file is None else (self._path, file)
 
     def _finish(self) -> None:
-        if file_of1(self._writer) is not None:
+        if internals.file_of1(self._writer) is not None:
             with _readable(self._path):
                 self._writer.close()
 
@@ -272,9 +259,9 @@ class _Bag2(Bag):
     def __init__(self, path: Path) -> None:
         self._path = path
         with _readable(path):
-            self._writer = new_writer2(path)
+            self._writer = internals.new_writer2(path)
             if path.suffix == ".mcap":
-                open_file2(self._writer, path)
+                internals.open_file2(self._writer, path)
             else:
                 self._writer.open()
             self.flush()
@@ -284,7 +271,7 @@ class _Bag2(Bag):
         del latching  # it belongs to QoS in ROS 2, which is not written here
         digest = digest or _no_digest(type_name, text, 2)
         full_name = type_name.replace("/", "/msg/")
-        for known in connections_of(self._writer):
+        for known in internals.connections_of(self._writer):
             if (known.topic, known.msgtype) == (topic, full_name):
                 return known
         return self._writer.add_connection(topic, full_name, msgdef=text, rihs01=digest)
@@ -297,21 +284,21 @@ class _Bag2(Bag):
     def flush(self) -> None:
         """See `Bag`."""
         self._check_there()
-        open_file = file_of2(self._writer)
+        open_file = internals.file_of2(self._writer)
         if open_file is None:
             return
         with _readable(self._path):
-            end_chunk2(self._writer)
+            internals.end_chunk2(self._writer)
             open_file[1].flush()
 
     def _open_file(self) -> tuple[Path, BinaryIO] | None:
-        return file_of2(self._writer)
+        return internals.file_of2(self._writer)
 
     def _finish(self) -> None:
-        if file_of2(self._writer) is None:
+        if internals.file_of2(self._writer) is None:
             return
-        zero_times2(self._writer)
+        internals.zero_times2(self._writer)
         with _readable(self._path):
             if self._path.suffix == ".mcap":
-                drop_metadata2(self._writer)
+                internals.drop_metadata2(self._writer)
             self._writer.close()

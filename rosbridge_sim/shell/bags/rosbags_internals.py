@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Writer1
@@ -32,44 +32,16 @@ from rosbags.rosbag2 import Writer as Writer2
 
 from rosbridge_sim.errors import DocumentError
 
-if TYPE_CHECKING:
-    from rosbags.rosbag2.storage_mcap import McapWriter
-    from rosbags.rosbag2.storage_mcap import decompress as unpack_mcap
-else:
-    try:
-        from rosbags.rosbag2.storage_mcap import McapWriter
-        from rosbags.rosbag2.storage_mcap import decompress as unpack_mcap
-    except ImportError:  # the error is raised when a bag is opened
-        McapWriter = unpack_mcap = None
-
-__all__ = [
-    "FITTING",
-    "connections_of",
-    "drop_metadata2",
-    "end_chunk1",
-    "end_chunk2",
-    "file_of1",
-    "file_of2",
-    "new_writer1",
-    "new_writer2",
-    "num_chunks1",
-    "open_file2",
-    "shorten_index1",
-    "unpack_mcap",
-    "zero_times2",
-]
+try:
+    from rosbags.rosbag2 import storage_mcap
+except ImportError:  # the error is raised when a bag is opened
+    storage_mcap = None  # type: ignore[assignment] # as above
 
 FITTING = ">=0.11.6,<0.12"
 """Versions that this module supports, as in `pyproject.toml`."""
 
 _NO_TIME = 2**63 - 1
 """The library's value for "no stamp yet"."""
-
-
-def _misfit() -> DocumentError:
-    return DocumentError(
-        f"bags need rosbags {FITTING}, but {version('rosbags')} is installed: pip install 'rosbags{FITTING}'"
-    )
 
 
 def _check(one: object, *names: str) -> None:
@@ -79,7 +51,9 @@ def _check(one: object, *names: str) -> None:
         DocumentError: the installed version does not have them.
     """
     if not all(hasattr(one, name) for name in names):
-        raise _misfit()
+        raise DocumentError(
+            f"bags need rosbags {FITTING}, but {version('rosbags')} is installed: pip install 'rosbags{FITTING}'"
+        )
 
 
 def connections_of(writer: Writer1 | Writer2) -> Sequence[Connection]:
@@ -159,7 +133,8 @@ def new_writer2(path: Path) -> Writer2:
         DocumentError: the library's private parts are not as expected.
         WriterError: the file exists.
     """
-    _check(McapWriter, "close_chunk")
+    _check(storage_mcap, "McapWriter", "decompress")
+    _check(storage_mcap.McapWriter, "close_chunk")
     writer = Writer2(path, version=Writer2.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
     _check(writer, "storage", "connections", "metapath", "min_timestamp", "abort")
     return writer
@@ -172,11 +147,11 @@ def open_file2(writer: Writer2, path: Path) -> None:
         writer: from `new_writer2`.
     """
     one_file = cast("Path", _OneFile(path))
-    writer.storage = McapWriter(one_file, CompressionMode.NONE)
+    writer.storage = storage_mcap.McapWriter(one_file, CompressionMode.NONE)
 
 
-def _storage(writer: Writer2) -> McapWriter | None:
-    return cast("McapWriter | None", writer.storage)  # the requested plug-in
+def _storage(writer: Writer2) -> storage_mcap.McapWriter | None:
+    return cast("storage_mcap.McapWriter | None", writer.storage)  # the requested plug-in
 
 
 def file_of2(writer: Writer2) -> tuple[Path, BinaryIO] | None:
@@ -203,3 +178,8 @@ def zero_times2(writer: Writer2) -> None:
 def drop_metadata2(writer: Writer2) -> None:
     """Write the folder's own file nowhere: a bag that is one MCAP file has its contents, too."""
     writer.metapath = cast("Path", _NoFile())
+
+
+def unpack_mcap(data: bytes, compression: str, size: int, crc: int) -> bytes:
+    """Return the unpacked records of a chunk of MCAP, whose size and checksum are told by it."""
+    return storage_mcap.decompress(data, compression, size, crc)

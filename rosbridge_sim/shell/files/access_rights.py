@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -42,27 +43,17 @@ def why_not_writable(folder: Path, error: OSError | None = None) -> str:
     if number == errno.EROFS:
         return f"{place} is mounted read-only; mount it with write access, or name another folder"
     if number in {errno.EACCES, errno.EPERM}:
-        return f"{_who()} has no write access to {place}{_owner_of(place)}; {_advice(place)}"
+        return _say_no_access(place)
     said = error.strerror if error is not None else None
     return said or str(error)
 
 
-def _who() -> str:
-    """Return the user of this process; Windows has no user number."""
-    return f"user {os.geteuid()}" if hasattr(os, "geteuid") else "this user"
-
-
-def _owner_of(place: Path) -> str:
-    if not hasattr(os, "geteuid"):
-        return ""
-    try:
+def _say_no_access(place: Path) -> str:
+    if not hasattr(os, "geteuid"):  # Windows has no user number
+        return f"this user has no write access to {place}; name another folder"
+    user, owner = os.geteuid(), ""
+    with suppress(OSError):
         status = place.stat()
-    except OSError:
-        return ""
-    return f" (owner {status.st_uid}, mode {stat.S_IMODE(status.st_mode):03o})"
-
-
-def _advice(place: Path) -> str:
-    if not hasattr(os, "geteuid"):
-        return "name another folder"
-    return f"change the owner (chown {os.geteuid()} {place}; for a container, on the host) or name another folder"
+        owner = f" (owner {status.st_uid}, mode {stat.S_IMODE(status.st_mode):03o})"
+    advice = f"change the owner (chown {user} {place}; for a container, on the host) or name another folder"
+    return f"user {user} has no write access to {place}{owner}; {advice}"

@@ -6,7 +6,6 @@ A user who has such a file is told so by name, because "not JSON" or "there is n
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import Final
@@ -68,7 +67,8 @@ def find_other_format(name: str, content: bytes = b"") -> str:
         return named
     if not start.startswith(b"<"):
         return ""  # a scenario may have any name
-    return next(_formats(_ROOT.findall(start)), named or "XML")
+    names = (root.decode().lower() for root in _ROOT.findall(start))
+    return next((_ROOTS[name] for name in names if name in _ROOTS), named or "XML")
 
 
 def say_not_read(form: str) -> str:
@@ -89,8 +89,3 @@ def find_other_formats(folder: Path) -> str:
     read = {"", "OpenDRIVE", "OpenSCENARIO"}
     found = {form: name for name in reversed(names) if (form := find_other_format(name)) not in read}
     return "; ".join(f"{form} is not read ({name})" for form, name in sorted(found.items()))
-
-
-def _formats(roots: Iterable[bytes]) -> Iterator[str]:
-    names = (root.decode().lower() for root in roots)
-    return (_ROOTS[name] for name in names if name in _ROOTS)
