@@ -75,17 +75,15 @@ class Attachment:
         attached: done when everything was announced there for the first time.
         connected_at: when the first connection got its present or last socket [s].
         lookup: resolves the host name, for all connections.
+        full_url: the same with secrets, to dial.
+        choices: options of all connections.
+        on_change: called when the world or the mirror may have work earlier than planned.
         num_bugs: number of frames whose handling failed by an internal error; each is in the log with its traceback.
             Errors counted by the bus's guard are not included.
     """
 
     def __init__(
-        self,
-        bus: Bus,
-        source: Participant,
-        url: str,
-        choices: AttachChoices,
-        on_change: Callable[[], None],
+        self, bus: Bus, source: Participant, url: str, choices: AttachChoices, on_change: Callable[[], None]
     ) -> None:
         """Prepare the attachment; `start` connects.
 
@@ -101,9 +99,9 @@ class Attachment:
         self.lookup = HostLookup(urlsplit(url).hostname or "")
         self.connected_at = math.inf
         self._guard = bus.guard
-        self._full_url = url
-        self._choices = choices
-        self._on_change = on_change
+        self.full_url = url
+        self.choices = choices
+        self.on_change = on_change
         self._carriers: dict[BridgeConnection, _ConnectionKeeper] = {}
 
     def start(self) -> None:
@@ -150,26 +148,16 @@ class Attachment:
             self._carriers.pop(line).let_go()
         for line in wanted:
             if line not in self._carriers:
-                self._carriers[line] = _ConnectionKeeper(self, line, self._full_url, self._choices, self._on_change)
+                self._carriers[line] = _ConnectionKeeper(self, line)
 
 
 class _ConnectionKeeper:
     """Keeps one connection open, and moves its frames."""
 
-    def __init__(
-        self,
-        attachment: Attachment,
-        line: BridgeConnection,
-        url: str,
-        choices: AttachChoices,
-        on_change: Callable[[], None],
-    ) -> None:
+    def __init__(self, attachment: Attachment, line: BridgeConnection) -> None:
         self._attachment = attachment
         self._mirror = attachment.mirror
         self._line = line
-        self._url = url
-        self._choices = choices
-        self._on_change = on_change
         self._loop = asyncio.get_running_loop()
         self._socket: DialedConnection | None = None
         self._is_woken = False
@@ -238,14 +226,15 @@ class _ConnectionKeeper:
                 logging.INFO if was_ready and self._line.name else logging.WARNING, f"{why}; next try in {wait:g} s"
             )
             await asyncio.sleep(wait)
-            wait = min(2 * wait, self._choices.max_wait)
+            wait = min(2 * wait, self._attachment.choices.max_wait)
 
     async def _connect_once(self) -> tuple[bool, str]:
         """Run one connection from start to end; return if all was announced on it, and why it ended."""
+        url = self._attachment.full_url
         try:
             dialed = await self._dial()
         except (OSError, ValueError, WebSocketException) as error:
-            return False, why_not(self._url, error, STOP_PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
+            return False, why_not(url, error, STOP_PATIENCE, flag="attach", token="?token=... in its URL")  # noqa: S106
         self._tell_connected()
         self._socket = dialed
         self._is_reading = True
@@ -253,15 +242,15 @@ class _ConnectionKeeper:
         try:
             self._mirror.connected(self._line, self._wake, self._carry, self._loop.time())
             dialed.listen(self._receive)
-            self._on_change()
+            self._attachment.on_change()
             await dialed.wait_closed()
         finally:
             was_ready = self._line.is_ready
             self._socket = None
             self._mirror.lost(self._line, self._loop.time())
-            self._on_change()
+            self._attachment.on_change()
             dialed.transport.abort()
-        return was_ready, why_gone(self._url, dialed.end)
+        return was_ready, why_gone(url, dialed.end)
 
     async def _dial(self) -> DialedConnection:
         """Return a connection to the first address of the host that accepts one.
@@ -271,14 +260,14 @@ class _ConnectionKeeper:
             ValueError: the URL is not valid.
             WebSocketException: the program there is not a WebSocket server.
         """
-        choices = self._choices
+        choices = self._attachment.choices
         addresses = await self._attachment.lookup.addresses(STOP_PATIENCE)
         for address in addresses:
             try:
                 dialed = await connect(
-                    self._url,
+                    self._attachment.full_url,
                     host=address,
-                    port=port_of(self._url),
+                    port=port_of(self._attachment.full_url),
                     create_connection=DialedConnection,
                     compression=None,
                     open_timeout=STOP_PATIENCE,
@@ -345,7 +334,7 @@ class _ConnectionKeeper:
                 dialed.transport.resume_reading()
             else:
                 dialed.transport.pause_reading()
-        self._on_change()
+        self._attachment.on_change()
 
     def _wake(self) -> None:
         if not self._is_woken:
@@ -368,7 +357,7 @@ class _ConnectionKeeper:
                 break
             dialed.send_messages(frames)
         if line.flow_control.due != due:  # a probe was sent, and its time-out must be checked
-            self._on_change()
+            self._attachment.on_change()
         if line.outbox.is_overfull:
             _log.warning(
                 "%s: the bridge reads too slowly, %d bytes wait for it: closing",
