@@ -11,6 +11,8 @@ import binascii
 
 import pybase64
 
+from rosbridge_sim.records import Record
+
 MARK = "~long text 5c1d0e8b~"
 """Stands for the long text. A text that has this twice is decoded as usual."""
 
@@ -23,7 +25,7 @@ MAX_REST = 4 * 1024
 """Most bytes beside the long text: an image has some hundred."""
 
 
-class LongText:
+class LongText(Record, eq=False):
     """A JSON text without its long text.
 
     Attributes:
@@ -33,14 +35,11 @@ class LongText:
         data: what the long text says in base64.
     """
 
-    __slots__ = ("data", "short", "start", "stop", "text")
-
-    def __init__(self, text: bytes, short: bytes, start: int, stop: int, data: bytes) -> None:
-        self.text = text
-        self.short = short
-        self.start = start
-        self.stop = stop
-        self.data = data
+    text: bytes
+    short: bytes
+    start: int
+    stop: int
+    data: bytes
 
     @property
     def base64(self) -> memoryview | None:

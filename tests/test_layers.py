@@ -35,7 +35,7 @@ records:
 suggestions: printable
 expressions: errors printable records suggestions
 loose_types:
-long_text:
+long_text: records
 weight: records
 units:
 version:

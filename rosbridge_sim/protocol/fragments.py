@@ -9,7 +9,6 @@ size and age are limited.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import orjson
 
@@ -128,11 +127,6 @@ class Pieces:
         return pieces
 
 
-def _size_of(text: str) -> int:
-    """Return the memory of a fragment, at most [bytes]."""
-    return _OVERHEAD + len(text) * (1 if text.isascii() else 4)
-
-
 class _Partial:
     __slots__ = ("last_at", "num_bytes", "num_text_bytes", "pieces", "total")
 
@@ -167,7 +161,7 @@ class Defragmenter:
         Raises:
             FrameError: the fragment contradicts earlier ones, or a limit is exceeded. The message is dropped.
         """
-        for old in list(self._expired(now)):
+        for old in [key for key, partial in self._partials.items() if partial.last_at + MAX_AGE < now]:
             self._drop(old)
         total, num = op.total, op.num
         # rosbridge_suite sends 3.4 for three pieces
@@ -182,7 +176,7 @@ class Defragmenter:
         elif partial.total != math.floor(total) or int(num) in partial.pieces:
             self._drop(op.id)
             raise FrameError(f"fragment: piece {num} of {total} does not go with those before", op.id)
-        size = _size_of(op.data)
+        size = _OVERHEAD + len(op.data) * (1 if op.data.isascii() else 4)  # its memory at most
         if not self._account.take(size):
             self._drop(op.id)
             raise FrameError("fragment: this client makes the server hold too much; the message is forgotten", op.id)
@@ -213,6 +207,3 @@ class Defragmenter:
         partial = self._partials.pop(key, None)
         if partial is not None:
             self._account.give(partial.num_bytes)
-
-    def _expired(self, now: float) -> Iterator[object]:
-        return (key for key, partial in self._partials.items() if partial.last_at + MAX_AGE < now)

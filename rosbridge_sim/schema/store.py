@@ -173,8 +173,7 @@ class Store:
             TypeNameError: the name is malformed, its package has no such message, or its definition is broken.
             UnknownPackageError: its package is unknown.
         """
-        known = self._messages.get(name)
-        return known if known is not None else self._find(name, self._message)
+        return self._messages.get(name) or self._find(name, self._message)
 
     def service(self, name: str) -> ServiceType:
         """Return the compiled type of a service.
@@ -186,8 +185,7 @@ class Store:
             TypeNameError: the name is malformed, its package has no such service, or its definition is broken.
             UnknownPackageError: its package is unknown.
         """
-        known = self._services.get(name)
-        return known if known is not None else self._find(name, self._service)
+        return self._services.get(name) or self._find(name, self._service)
 
     def action(self, name: str) -> ActionType:
         """Return the compiled type of an action.
@@ -199,8 +197,7 @@ class Store:
             TypeNameError: the name is malformed, its package has no such action, or its definition is broken.
             UnknownPackageError: its package is unknown.
         """
-        known = self._actions.get(name)
-        return known if known is not None else self._find(name, self._action)
+        return self._actions.get(name) or self._find(name, self._action)
 
     def full_text(self, name: str) -> str:
         """Return a message's text with those of all types in it, in the grammar of the ROS generation, for rosapi.

@@ -266,7 +266,7 @@ def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContex
             pass
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        context.load_cert_chain(certfile, keyfile, password=_no_password)
+        context.load_cert_chain(certfile, keyfile, password=lambda: "")  # else it asks for one on the terminal
     except ssl.SSLError as error:
         if error.reason == "KEY_VALUES_MISMATCH":
             raise DocumentError(f"{keyfile or certfile}: expected the private key of {certfile}; got another") from None
@@ -275,8 +275,3 @@ def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContex
             " without a password"
         ) from None
     return context
-
-
-def _no_password() -> str:
-    """Return an empty password, because otherwise the library asks for one on the terminal."""
-    return ""

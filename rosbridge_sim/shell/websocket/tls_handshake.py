@@ -121,7 +121,7 @@ class TlsHandshake(asyncio.Protocol):
         with rules.expecting_faults():
             try:
                 await asyncio.get_running_loop().connect_accepted_socket(
-                    self._take_over,
+                    lambda: self._inner,
                     connected,
                     ssl=rules.context,
                     ssl_handshake_timeout=rules.handshake_timeout,
@@ -152,9 +152,6 @@ class TlsHandshake(asyncio.Protocol):
     def _leave(self) -> None:
         self._places.leave(self)
         self._handshakes.pop(self, None)
-
-    def _take_over(self) -> asyncio.Protocol:
-        return self._inner
 
     def _hand_over(self, encrypted: asyncio.Transport) -> None:
         """Give the connection to `inner`, with data that came in the last packet of the handshake."""
