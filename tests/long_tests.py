@@ -13,7 +13,6 @@ import tomllib
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 
@@ -110,12 +109,19 @@ def _matches(test: str, pattern: str) -> bool:
     """Whether `test[PARAMETERS]` is meant by a pattern: that of a file, of a test, or of some cases of a test."""
     name, _, parameters = test.partition("[")
     wanted, _, cases = pattern.partition("[")
-    return not pattern or (fnmatchcase(name, wanted) and (not cases or fnmatchcase(parameters, _without_sets(cases))))
+    return not pattern or (_is_like(name, wanted) and (not cases or _is_like(parameters, cases)))
 
 
-def _without_sets(pattern: str) -> str:
-    """Take the brackets of `fnmatch` for themselves: parameters have some."""
-    return re.sub(r"\[", "[[]", pattern)
+def _is_like(text: str, pattern: str) -> bool:
+    """Whether a pattern, in which `*` stands for any text, and every other character for itself, means a text."""
+    if "*" not in pattern:  # as most are: compiling all of them would take longer than the rest of the work
+        return text == pattern
+    return _compiled(pattern).fullmatch(text) is not None
+
+
+@cache
+def _compiled(pattern: str) -> re.Pattern[str]:
+    return re.compile(".*".join(map(re.escape, pattern.split("*"))), re.DOTALL)
 
 
 if __name__ == "__main__":
