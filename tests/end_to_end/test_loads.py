@@ -130,12 +130,12 @@ async def test_ops_glued_behind_a_load_wait_for_it(simulate: Simulate, connect: 
 async def test_other_clients_are_served_during_repeated_loads(simulate: Simulate, connect: Connect) -> None:
     url = simulate().url
     loader, other = await connect(url), await connect(url)
-    ops = [{**by_service(SCENES[i % 3]), "id": f"load {i}"} for i in range(12)]
+    ops = [{**by_service(SCENES[i % 3]), "id": f"load {i}"} for i in range(4)]
     await burst(loader, ops)
     num_served = 0
 
     async def load() -> dict[str, Any]:
-        return await answers(loader, "load 11")
+        return await answers(loader, "load 3")
 
     loading = asyncio.create_task(load())
     while not loading.done():

@@ -86,8 +86,8 @@ def test_rays_of_pixels_are_projected_back_to_their_middles() -> None:
         points = np.array(pose[:3]) + 7.0 * camera.rays.astype(np.float64) @ rotation(*pose[3:]).T
         place, depth = project(camera, pose, points)
         column, row = np.meshgrid(np.arange(64) + 0.5, np.arange(48) + 0.5)
-        assert place == pytest.approx(np.column_stack([column.ravel(), row.ravel()]), abs=1e-3)
-        assert depth == pytest.approx(7.0, abs=1e-5)
+        assert np.abs(place - np.column_stack([column.ravel(), row.ravel()])).max() < 1e-3
+        assert np.abs(depth - 7.0).max() < 1e-5
 
 
 @pytest.mark.parametrize(
@@ -158,10 +158,10 @@ def test_rays_of_a_fisheye_are_shown_at_the_middles_of_their_pixels(fov: float, 
     camera = FisheyeModel(64, 48, fov, distortion)
     rays = camera.rays.astype(np.float64)
     is_seen = np.isfinite(rays[:, 0])
-    assert np.linalg.norm(rays[is_seen], axis=1) == pytest.approx(1.0)
+    assert np.abs(np.linalg.norm(rays[is_seen], axis=1) - 1.0).max() < 1e-6
     place = camera.outline(np.repeat(7.0 * rays[is_seen][:, None], 8, axis=1))[:, 0]
     rows, columns = np.mgrid[:48, :64].reshape(2, -1) + 0.5
-    assert place == pytest.approx(np.column_stack([columns, rows])[is_seen], abs=1e-4)
+    assert np.abs(place - np.column_stack([columns, rows])[is_seen]).max() < 1e-4
     # Beyond 90 deg, or half of the field of view, is nothing.
     assert np.degrees(np.arccos(rays[is_seen, 0])).max() <= max(90.0, fov / 2.0) + 1e-3
     assert is_seen.all() == (fov < 120.0)

@@ -135,7 +135,7 @@ ros_generations = st.sampled_from([1, 2])
 
 
 @pytest.mark.slow
-@examples(40)
+@examples(20)
 @given(ros=ros_generations, topics=st.sampled_from(TOPICS), changes=flips())
 def test_damaged_bag_is_read_repaired_or_gives_one_error_line(
     ros: Generation, topics: tuple[str, ...], changes: list[Flip]

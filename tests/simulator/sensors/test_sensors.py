@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from typing import Any
 
 import pytest
@@ -15,7 +13,6 @@ from rosbridge_sim.world.state import placement
 from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
 from tests.simulator.sim_harness import ALL, Client, SimHarness, rates
-from tests.support import ROOT
 
 FIELDS = ("pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw")
 UTM = Proj(proj="utm", zone=52, ellps="WGS84")
@@ -121,25 +118,6 @@ def test_sensors_keep_their_rate_in_simulated_time_in_synchronous_mode() -> None
         client.tick()
     assert [message["header"]["seq"] for message in client.messages("/gps")] == list(range(10, 41, 10))
     assert len(client.messages("/imu")) == len(client.messages("/Ego_topic")) == 40
-
-
-@pytest.mark.slow
-def test_pyproj_is_imported_at_the_first_fix() -> None:
-    script = """
-import sys
-from tests.simulator.sim_harness import SimHarness
-harness = SimHarness(start="sync")
-client = harness.client()
-client.start()
-client.listen("/imu", "/Ego_topic")
-client.tick()
-assert "pyproj" not in sys.modules
-client.listen("/gps")
-client.tick()
-assert "pyproj" in sys.modules
-"""
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 # /SensorPosControl
