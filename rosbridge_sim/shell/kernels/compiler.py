@@ -10,6 +10,7 @@ import atexit
 import ctypes
 import os
 import platform
+import re
 import shlex
 import signal
 import stat
@@ -18,7 +19,7 @@ import sys
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
@@ -28,10 +29,11 @@ from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.version import __version__
 from rosbridge_sim.world.contacts.collisions import PAIR_LOOPS
 from rosbridge_sim.world.followers.lane_following import LANE_LOOPS
-from rosbridge_sim.world.kernels.c_source import FILES, FUNCTIONS, write_source
+from rosbridge_sim.world.kernels.c_source import FILES, write_source
 from rosbridge_sim.world.kernels.car_kernel import CarKernel
 from rosbridge_sim.world.kernels.car_source import write_cars
-from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
+from rosbridge_sim.world.kernels.lane_kernel import LaneKernel
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel, measures_alike
@@ -45,7 +47,10 @@ _OPTIONS: Final = ("-O2", "-ffp-contract=off", "-fPIC", "-shared", "-std=c11")
 MAX_SECONDS: Final = 300.0
 """A compiler that takes longer is stopped [s]."""
 
-_TYPES: Final[Mapping[str, Any]] = {"": None, "I": ctypes.c_int64, "D": ctypes.c_double}
+_EXPORTED: Final = re.compile(r"^EXPORT (\w+) (\w+)\(K \*k(?:, (\w) \w+)?\)", re.MULTILINE)
+"""A function of the library: the type of its result, its name, and the type of what it takes besides the structure."""
+
+_TYPES: Final[Mapping[str, Any]] = {"void": None, "I": ctypes.c_int64, "D": ctypes.c_double}
 
 
 class NoKernelsError(RosbridgeSimError):
@@ -72,6 +77,7 @@ def cache_folder(environment: Mapping[str, str]) -> Path:
     return Path(base) / "rosbridge_sim"
 
 
+@cache
 def read_source() -> str:
     """Return the source of the loops."""
     folder = files("rosbridge_sim.world.kernels")
@@ -165,8 +171,7 @@ def load_library(path: Path) -> CompiledLoops:
                 if info.st_uid != os.getuid() or info.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
                     raise NoKernelsError(f"{each}: expected to be yours and that nobody else may write it; remove it")
         library = ctypes.PyDLL(str(path))  # short calls: they keep the interpreter's lock
-        for name, types in FUNCTIONS.items():
-            result, _, argument = types.partition(" ")
+        for result, name, argument in _EXPORTED.findall(read_source()):
             function = getattr(library, name)
             function.restype = _TYPES[result]
             function.argtypes = [ctypes.c_void_p, *([_TYPES[argument]] if argument else [])]

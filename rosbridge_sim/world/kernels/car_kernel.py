@@ -8,9 +8,8 @@ from functools import partial
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import IntArray
-from rosbridge_sim.world.kernels.car_source import CAR_FIELDS, car_stages
-from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
-from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.kernels.car_source import car_stages
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
 from rosbridge_sim.world.state.world_rows import WorldRows
 from rosbridge_sim.world.vehicle.dynamics import FIRST, LAST
 
@@ -25,9 +24,8 @@ class CarKernel:
     """
 
     def __init__(self, library: CompiledLoops, world: WorldRows, rows: IntArray) -> None:
-        numbers, arrays = CAR_FIELDS
         stages, now = car_stages(is_stable=world.has_stability_control), world.block(FIRST, LAST)
-        fields = self._fields = LoopFields({name: place for place, name in enumerate([*numbers, *arrays])})
+        fields = self._fields = LoopFields()
         args, found = np.zeros((2, stages.num_args, len(rows)))
         fields.take(now=now, rows=rows, args=args, found=found, kept=np.zeros((stages.num_kept, len(rows))))
         fields["n"], fields["stride"] = len(rows), now.strides[0] // 8

@@ -11,7 +11,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
-from rosbridge_sim.world.kernels.c_source import COperators, write_struct
+from rosbridge_sim.world.kernels.c_source import COperators
 from rosbridge_sim.world.state.entity_arrays import FLOATS
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.state.written_equations import Script, Term
@@ -19,9 +19,6 @@ from rosbridge_sim.world.vehicle.dynamics import FIRST, LAST, RESULTS, columns_f
 
 _NAMES: Final = re.compile(r"\b[ab]\d+\b")
 _CALL: Final = re.compile(r"(sin|cos|arctan) (\w+)")
-
-CAR_FIELDS: Final = ("n", "stride"), {"now": "D", "kept": "D", "args": "D", "found": "D", "rows": "I"}
-"""Whole numbers and arrays of the structure that the stages get: columns, rows of numbers, and rows of cars."""
 
 
 class CarStages(NamedTuple):
@@ -76,8 +73,8 @@ def car_stages(*, is_stable: bool) -> CarStages:
     last = max(stage.values())
     # Numbers of all stages stand in columns of the world, or in rows of `found` if numpy makes them.
     order = sorted(calls, key=lambda name: (stage[name], calls[name][0]))
-    places = {name: f"e->found[{i} * e->n + i]" for i, name in enumerate(order)}
-    places |= {term.name: f"e->now[{i} * e->stride + r]" for i, term in enumerate(script.given)}
+    places = {name: f"k->found[{i} * k->n + i]" for i, name in enumerate(order)}
+    places |= {term.name: f"k->now[{i} * k->stride + r]" for i, term in enumerate(script.given)}
     targets = [
         place for names in RESULTS for place in columns_from([places[term.name] for term in script.given], *names)
     ]
@@ -95,14 +92,14 @@ def car_stages(*, is_stable: bool) -> CarStages:
     ]
     # What an earlier stage has made is kept in rows of `kept`.
     later = sorted({name for s, names in enumerate(used) for name in names if stage[name] < s and name not in places})
-    places |= {name: f"e->kept[{i} * e->n + i]" for i, name in enumerate(later)}
+    places |= {name: f"k->kept[{i} * k->n + i]" for i, name in enumerate(later)}
     bodies = []
     for s, names in enumerate(used):
         own = [name for name in lines if stage[name] == s and name not in calls]
         body = [f"D {name} = {places[name]};" for name in sorted(names) if name not in own]
         body += [f"D {name} = {lines[name]};" for name in own]
         body += [f"{places[name]} = {name};" for name in later if stage[name] == s]
-        body += [f"e->args[{i} * e->n + i] = {calls[name][1]};" for i, name in enumerate(order) if stage[name] == s + 1]
+        body += [f"k->args[{i} * k->n + i] = {calls[name][1]};" for i, name in enumerate(order) if stage[name] == s + 1]
         body += [f"{place} = {term.name};" for place, term in zip(targets, after, strict=True) if s == last]
         bodies.append("".join(f"    {line}\n" for line in body))
     # Neighbours in `order` of one stage and one function are one call of numpy.
@@ -116,10 +113,8 @@ def car_stages(*, is_stable: bool) -> CarStages:
 def write_cars() -> str:
     """Return the functions of all stages, and the one that calls them by number: first those without control."""
     bodies = [body for is_stable in (False, True) for body in car_stages(is_stable=is_stable).bodies]
-    loop = "  for (I i = 0, r; i < e->n; i++) {\n    r = e->rows[i];\n"
-    text = [f"static void car_{i}(const E *e) {{\n{loop}{body}  }}\n}}\n" for i, body in enumerate(bodies)]
+    loop = "  for (I i = 0, r; i < k->n; i++) {\n    r = k->rows[i];\n"
+    text = [f"static void car_{i}(const K *k) {{\n{loop}{body}  }}\n}}\n" for i, body in enumerate(bodies)]
     names = ", ".join(f"car_{i}" for i in range(len(bodies)))
-    table = f"static void (*const CARS[])(const E *) = {{{names}}};\n"
-    return "".join(
-        [write_struct("E", *CAR_FIELDS), *text, table, "EXPORT void drive_cars(E *e, I stage) { CARS[stage](e); }\n"]
-    )
+    table = f"static void (*const CARS[])(const K *) = {{{names}}};\n"
+    return "".join([*text, table, "EXPORT void drive_cars(K *k, I stage) { CARS[stage](k); }\n"])

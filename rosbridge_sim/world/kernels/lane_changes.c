@@ -10,12 +10,12 @@ typedef struct {
   I follower;
 } Option;
 
-typedef struct {
+struct Look {
   Option options[NUM_SIDES];
   I lanes[NUM_LANES], reason, side;
   D arc, speed, run, to_entry, time;
   int must, is_slow, is_inside, is_tight, is_clear;
-} Look;
+};
 
 _Static_assert(sizeof(Look) <= 8 * LOOK_WORDS, "a look needs more room");
 

@@ -7,8 +7,7 @@ vehicles, and all sines.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,53 +20,10 @@ from rosbridge_sim.world.drivers.lane_wander import room_of
 from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
 from rosbridge_sim.world.followers.lane_following import DECISION, LaneFollowers
 from rosbridge_sim.world.geometry.planar import IntArray
-from rosbridge_sim.world.kernels.c_source import (
-    ARRAYS,
-    COLUMNS,
-    FOR_DRIVERS,
-    FOR_LANES,
-    FOR_QUEUE,
-    LOOK_WORDS,
-    OF_CONFLICTS,
-    OF_JOINS,
-    OF_NEIGHBOURS,
-    OF_ROADS,
-    PLACE_OF,
-)
-from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.kernels import c_source
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
 from rosbridge_sim.world.lane_changes.lane_change_motion import LANE
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
-
-
-class CompiledLoops(Protocol):
-    """The compiled loops: functions of the address of the structure, see `c_source.FUNCTIONS`."""
-
-    begin_decision: Callable[[int], None]
-    perceive: Callable[[int], None]
-    accelerate: Callable[[int], int]
-    look_at_lanes_beside: Callable[[int], int]
-    signal_changes: Callable[[int, int], int]
-    follow_wishes: Callable[[int], None]
-    look_at_headings: Callable[[int], int]
-    take_headings: Callable[[int, int], int]
-    plan_aside: Callable[[int], int]
-    steer: Callable[[int], int]
-    find_slants: Callable[[int, float], None]
-    move: Callable[[int, float], None]
-    nudge: Callable[[int], None]
-    watch_pairs: Callable[[int, int], int]
-    list_pairs: Callable[[int], int]
-    judge_pairs: Callable[[int, int], int]
-    find_places: Callable[[int], None]
-    look_at_kerbs: Callable[[int], int]
-    mind_kerbs: Callable[[int, int], None]
-    drive_cars: Callable[[int, int], None]
-    list_headings: Callable[[int], None]
-    look_at_lanes: Callable[[int], int]
-    judge_egos: Callable[[int], int]
-    find_others: Callable[[int], int]
-    describe_others: Callable[[int], None]
-    measure: Callable[[int], None]
 
 
 class LaneKernel:
@@ -79,16 +35,16 @@ class LaneKernel:
     """
 
     def __init__(self, library: CompiledLoops, followers: LaneFollowers) -> None:
-        self._do, self._followers, self._fields = library, followers, LoopFields(PLACE_OF)
+        self._do, self._followers, self._fields = library, followers, LoopFields()
         self._at = self._fields.address
         self._others: Entries | None = None
         self._most_entries = 0
         self._take_map()
         self._take_drivers()
         fields, siblings = self._fields, followers.conflicts.siblings
-        fields.make(FOR_DRIVERS, followers.num)
-        fields.make(FOR_LANES, len(followers.roads) + 1)
-        fields.take(looks=np.zeros(LOOK_WORDS * followers.num, np.int64))
+        fields.make(c_source.FOR_DRIVERS, followers.num)
+        fields.make(c_source.FOR_LANES, len(followers.roads) + 1)
+        fields.take(looks=np.zeros(c_source.LOOK_WORDS * followers.num, np.int64))
         # Each driver has an entry on its lane, one on a lane that it leaves, and one on each sibling.
         self._most_own = followers.num * (2 + int(np.diff(siblings.first).max(initial=0)))
         self._take_slants(followers.shifted)
@@ -105,11 +61,11 @@ class LaneKernel:
         }
         for name, link in links.items():
             parts = {f"{name}_first": link.first, f"{name}_other": link.other, f"{name}_figure": link.figure}
-            fields.take(**{part: array for part, array in parts.items() if part in ARRAYS})
-        fields.copy(roads, OF_ROADS)
-        fields.copy(conflicts, OF_CONFLICTS)
-        fields.copy(neighbours, OF_NEIGHBOURS)
-        fields.copy(conflicts.joins, OF_JOINS)
+            fields.take(**{part: array for part, array in parts.items() if part in c_source.ARRAYS})
+        fields.copy(roads, c_source.OF_ROADS)
+        fields.copy(conflicts, c_source.OF_CONFLICTS)
+        fields.copy(neighbours, c_source.OF_NEIGHBOURS)
+        fields.copy(conflicts.joins, c_source.OF_JOINS)
         fields.take(
             segment_length=roads.segments.length,
             straight_end=straight_end,
@@ -129,7 +85,7 @@ class LaneKernel:
     def _take_drivers(self) -> None:
         followers, fields = self._followers, self._fields
         world, parameters, choice, wander = followers.world, followers.parameters, followers.choice, followers.wander
-        fields.copy(world, COLUMNS)
+        fields.take_columns(world)
         is_ego = np.zeros(followers.num, dtype=bool)
         is_ego[followers.egos.index] = True
         for name in ("speed_factor", "headway", "comfort", "reaction", "politeness", "change_time", "most_lateral"):
@@ -210,7 +166,7 @@ class LaneKernel:
             fields.take(**{f"other_{name}": np.ascontiguousarray(getattr(others, name))})
         if self._most_own + num >= self._most_entries:
             self._most_entries = self._most_own + 2 * num + 1
-            fields.make(FOR_QUEUE, self._most_entries)
+            fields.make(c_source.FOR_QUEUE, self._most_entries)
 
     def _queue(self) -> EntryQueue:
         arrays, num = self._fields.arrays, self._fields["num_entries"]

@@ -12,9 +12,8 @@ import numpy as np
 
 from rosbridge_sim.world.contacts.collisions import POSE_YAW, Foreseen, Watch
 from rosbridge_sim.world.geometry.planar import IntArray
-from rosbridge_sim.world.kernels.c_source import BOX_WORDS, PAIR_COLUMNS, PAIR_WORDS, PLACE_OF_PAIRS
-from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
-from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.kernels.c_source import BOX_WORDS, PAIR_WORDS
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.world.state.world_rows import WorldRows
 
@@ -36,10 +35,10 @@ class PairKernel:
     def __init__(
         self, library: CompiledLoops, world: WorldRows, rows: IntArray, foreseen: Foreseen, *, is_small: bool
     ) -> None:
-        self._do, self._fields, num = library, LoopFields(PLACE_OF_PAIRS), len(rows)
+        self._do, self._fields, num = library, LoopFields(), len(rows)
         fields, now = self._fields, world.block("x", "z")
         self._yaw, self._at = foreseen.poses[1, POSE_YAW], fields.address
-        fields.copy(world, PAIR_COLUMNS)
+        fields.take_columns(world)
         fields.take(**foreseen._asdict(), now=now, rows=rows, is_car=world.kind[rows] <= int(Kind.VEHICLE))
         of_row = world.world_of_row
         fields.take(world=np.zeros(num, np.int64) if of_row is None else of_row[rows])

@@ -2,7 +2,7 @@
    judges, and never what touches: where a last digit could matter, they say that a pair may. */
 
 enum { X, Y, YAW };
-#define POSE(t, c, r) (p->poses[(5 * (t) + (c)) * p->n + (r)])
+#define POSE(t, c, r) (k->poses[(5 * (t) + (c)) * k->n + (r)])
 
 /* A pair of the list: the poses when it was judged last, and the distance that it had then; 0 for none. */
 struct Pair {
@@ -57,7 +57,7 @@ static D find_gap(V apart, const V *heading, const D *half) {
 }
 
 /* CollisionDetector._are_still_apart, of one pair */
-static int is_still_apart(const P *p, const Pair *pair) {
+static int is_still_apart(const K *k, const Pair *pair) {
   if (pair->gap <= 0.0) return 0;
   for (I t = 0; t < 2; t++) {
     D way[2][3];
@@ -70,7 +70,7 @@ static int is_still_apart(const P *p, const Pair *pair) {
 }
 
 /* The first half of CollisionDetector._judge, of one pair: whether it may touch; if not, its gap is kept. */
-static int may_touch(const P *p, Pair *pair) {
+static int may_touch(const K *k, Pair *pair) {
   V heading[2][2], middle[2][2];
   D room[4];
   for (I i = 0; i < 2; i++) {
@@ -93,53 +93,53 @@ static int may_touch(const P *p, Pair *pair) {
   return 0;
 }
 
-static I judge_list(const P *p) {
+static I judge_list(const K *k) {
   I found = 0;
-  for (I m = 0; m < p->num_pairs; m++)
-    if (!is_still_apart(p, &p->pair[m])) found |= may_touch(p, &p->pair[m]);
+  for (I m = 0; m < k->num_pairs; m++)
+    if (!is_still_apart(k, &k->pair[m])) found |= may_touch(k, &k->pair[m]);
   return found;
 }
 
 /* CollisionDetector._is_astray */
-static int is_astray(P *p) {
+static int is_astray(K *k) {
   int found = 0;
   for (I t = 0; t < 2; t++)
     for (I c = X; c <= YAW; c++)
-      for (I r = 0; r < p->n; r++) {
-        I at = c * p->n + r;
-        D seen = p->seen[3 * t * p->n + at] += p->rate[at], drift = fabs(POSE(t, c, r) - seen);
-        if (drift > p->margin[at]) found |= c < YAW || FULL_TURN - drift > p->margin[at];
+      for (I r = 0; r < k->n; r++) {
+        I at = c * k->n + r;
+        D seen = k->seen[3 * t * k->n + at] += k->rate[at], drift = fabs(POSE(t, c, r) - seen);
+        if (drift > k->margin[at]) found |= c < YAW || FULL_TURN - drift > k->margin[at];
       }
   return found;
 }
 
 /* Takes the poses as the step has ended. Returns 0 if nothing touches, 1 if something may, 2 if the list has ended. */
-EXPORT I watch_pairs(P *p, I is_due) {
+EXPORT I watch_pairs(K *k, I is_due) {
   for (I c = 0; c < 5; c++)
-    for (I r = 0; r < p->n; r++) POSE(1, c, r) = p->now[c * p->stride + r];
-  return is_astray(p) || is_due ? 2 : judge_list(p);
+    for (I r = 0; r < k->n; r++) POSE(1, c, r) = k->now[c * k->stride + r];
+  return is_astray(k) || is_due ? 2 : judge_list(k);
 }
 
 /* CollisionDetector._look_around: what is foreseen, and the boxes from the beginning of this step on. */
-static void foresee_bodies(P *p) {
+static void foresee_bodies(K *k) {
   for (I t = 0; t < 2; t++)
-    for (I at = 0; at < 3 * p->n; at++) p->seen[3 * t * p->n + at] = p->poses[5 * t * p->n + at];
-  for (I r = 0; r < p->n; r++) {
-    D *rate = &p->rate[r], *margin = &p->margin[r];
+    for (I at = 0; at < 3 * k->n; at++) k->seen[3 * t * k->n + at] = k->poses[5 * t * k->n + at];
+  for (I r = 0; r < k->n; r++) {
+    D *rate = &k->rate[r], *margin = &k->margin[r];
     D x = POSE(1, X, r) - POSE(0, X, r), y = POSE(1, Y, r) - POSE(0, Y, r);
     D turn = fabs(wrap(POSE(1, YAW, r) - POSE(0, YAW, r)));
     D stray = MARGIN + 0.5 * LIFE * LIFE * most(fabs(x), fabs(y)) * turn;
-    rate[0] = x, rate[p->n] = y, rate[2 * p->n] = 0.0;
-    margin[0] = margin[p->n] = stray, margin[2 * p->n] = TURN_MARGIN / p->reach[r] + LIFE * turn;
+    rate[0] = x, rate[k->n] = y, rate[2 * k->n] = 0.0;
+    margin[0] = margin[k->n] = stray, margin[2 * k->n] = TURN_MARGIN / k->reach[r] + LIFE * turn;
   }
-  for (I i = 0; i < p->num_bodies; i++) {
-    I r = p->rows[i];
-    Box *box = &p->box[i];
-    V slide = {p->rate[r], p->rate[p->n + r]}, unit = box->heading = (V){p->unit_x[r], p->unit_y[r]};
-    V middle = {unit.x * p->centre[r] + POSE(1, X, r), unit.y * p->centre[r] + POSE(1, Y, r)};
+  for (I i = 0; i < k->num_bodies; i++) {
+    I r = k->rows[i];
+    Box *box = &k->box[i];
+    V slide = {k->rate[r], k->rate[k->n + r]}, unit = box->heading = (V){k->unit_x[r], k->unit_y[r]};
+    V middle = {unit.x * k->centre[r] + POSE(1, X, r), unit.y * k->centre[r] + POSE(1, Y, r)};
     D cosine = fabs(unit.x), sine = fabs(unit.y);
-    box->half[0] = p->half_length[r], box->half[1] = p->half_width[r];
-    box->extra = sqrt(2.0) * p->margin[r] + p->margin[2 * p->n + r] * p->reach[r];
+    box->half[0] = k->half_length[r], box->half[1] = k->half_width[r];
+    box->extra = sqrt(2.0) * k->margin[r] + k->margin[2 * k->n + r] * k->reach[r];
     box->first = minus(middle, slide);
     box->last = (V){middle.x + LIFE * slide.x, middle.y + LIFE * slide.y};
     box->middle = (V){0.5 * (box->first.x + box->last.x), 0.5 * (box->first.y + box->last.y)};
@@ -149,115 +149,115 @@ static void foresee_bodies(P *p) {
 }
 
 /* near_pairs.find_near_pairs: those that are larger than usual. */
-static void find_wide(P *p) {
+static void find_wide(K *k) {
   D largest[MAX_WIDE + 1] = {0.0};
-  for (I i = 0; i < p->num_bodies; i++) {
-    D size = most(p->box[i].span.x, p->box[i].span.y);
+  for (I i = 0; i < k->num_bodies; i++) {
+    D size = most(k->box[i].span.x, k->box[i].span.y);
     for (I j = 0; j <= MAX_WIDE; j++)
       if (size > largest[j]) {
         D smaller = largest[j];
         largest[j] = size, size = smaller;
       }
   }
-  p->num_wide = 0;
-  for (I i = 0; i < p->num_bodies; i++) {
-    p->box[i].is_wide = most(p->box[i].span.x, p->box[i].span.y) > MUCH * largest[MAX_WIDE];
-    if (p->box[i].is_wide) p->wide[p->num_wide++] = i;
+  k->num_wide = 0;
+  for (I i = 0; i < k->num_bodies; i++) {
+    k->box[i].is_wide = most(k->box[i].span.x, k->box[i].span.y) > MUCH * largest[MAX_WIDE];
+    if (k->box[i].is_wide) k->wide[k->num_wide++] = i;
   }
 }
 
-static I *find_head(P *p, I column, I line) {
+static I *find_head(K *k, I column, I line) {
   uint64_t mixed = ((uint64_t)column * 0x9E3779B97F4A7C15u ^ (uint64_t)line) * 0xC2B2AE3D27D4EB4Fu;
-  return &p->head[(I)(mixed >> 32) & (p->num_heads - 1)];
+  return &k->head[(I)(mixed >> 32) & (k->num_heads - 1)];
 }
 
 /* Puts all that are not wide into cells, the last one first. Returns whether there is a cell for each. */
-static int fill_cells(P *p) {
+static int fill_cells(K *k) {
   V side = {1.0, 1.0};
-  for (I i = 0; i < p->num_bodies; i++)
-    if (!p->box[i].is_wide) side.x = most(side.x, p->box[i].span.x), side.y = most(side.y, p->box[i].span.y);
-  for (I j = 0; j < p->num_heads; j++) p->head[j] = -1;
-  for (I i = p->num_bodies - 1; i >= 0; i--) {
-    Box *box = &p->box[i];
+  for (I i = 0; i < k->num_bodies; i++)
+    if (!k->box[i].is_wide) side.x = most(side.x, k->box[i].span.x), side.y = most(side.y, k->box[i].span.y);
+  for (I j = 0; j < k->num_heads; j++) k->head[j] = -1;
+  for (I i = k->num_bodies - 1; i >= 0; i--) {
+    Box *box = &k->box[i];
     D column = floor(box->middle.x / (2.0 * side.x)), line = floor(box->middle.y / (2.0 * side.y));
     if (!(fabs(column) < FAR_CELL && fabs(line) < FAR_CELL)) return 0;
     box->column = (I)column, box->line = (I)line;
     if (box->is_wide) continue;
-    I *head = find_head(p, box->column, box->line);
+    I *head = find_head(k, box->column, box->line);
     box->next = *head, *head = i;
   }
   return 1;
 }
 
 /* Lists a pair whose rectangles overlap and of which one is a car, if the boxes may meet: in order within those of i. */
-static void add_if_near(P *p, I i, I j) {
-  const Box *one = &p->box[i], *other = &p->box[j];
+static void add_if_near(K *k, I i, I j) {
+  const Box *one = &k->box[i], *other = &k->box[j];
   if (!(fabs(one->middle.x - other->middle.x) <= one->span.x + other->span.x)) return;
   if (!(fabs(one->middle.y - other->middle.y) <= one->span.y + other->span.y)) return;
-  if (!p->is_car[i] && !p->is_car[j]) return;
-  p->num_near += 1;
+  if (!k->is_car[i] && !k->is_car[j]) return;
+  k->num_near += 1;
   V heading[2] = {one->heading, other->heading};
   D sides[4] = {one->half[0] + one->extra, one->half[1] + one->extra};
   sides[2] = other->half[0] + other->extra, sides[3] = other->half[1] + other->extra;
   if (!do_boxes_meet(minus(other->first, one->first), minus(other->last, one->last), heading, sides)) return;
-  I at = p->num_pairs++, *pairs = p->pairs;
-  if (at >= p->most_pairs) return; /* it is counted, so that there is room for all at the next try */
-  for (; at > 0 && pairs[at - 1] == i && pairs[p->most_pairs + at - 1] > j; at--)
-    pairs[p->most_pairs + at] = pairs[p->most_pairs + at - 1];
-  pairs[at] = i, pairs[p->most_pairs + at] = j;
-  pairs[p->num_pairs - 1] = i;
+  I at = k->num_pairs++, *pairs = k->pairs;
+  if (at >= k->most_pairs) return; /* it is counted, so that there is room for all at the next try */
+  for (; at > 0 && pairs[at - 1] == i && pairs[k->most_pairs + at - 1] > j; at--)
+    pairs[k->most_pairs + at] = pairs[k->most_pairs + at - 1];
+  pairs[at] = i, pairs[k->most_pairs + at] = j;
+  pairs[k->num_pairs - 1] = i;
 }
 
 /* The partners of one that come after it. Returns how many there are in its cell and in those beside it. */
-static I find_partners(P *p, I i) {
-  const Box *box = &p->box[i];
+static I find_partners(K *k, I i) {
+  const Box *box = &k->box[i];
   I num = 0;
-  if (p->is_small || box->is_wide) {
-    for (I j = i + 1; j < p->num_bodies && p->world[j] == p->world[i]; j++) add_if_near(p, i, j);
+  if (k->is_small || box->is_wide) {
+    for (I j = i + 1; j < k->num_bodies && k->world[j] == k->world[i]; j++) add_if_near(k, i, j);
     return 0;
   }
-  for (I k = 0; k < p->num_wide; k++)
-    if (p->wide[k] > i) add_if_near(p, i, p->wide[k]);
+  for (I w = 0; w < k->num_wide; w++)
+    if (k->wide[w] > i) add_if_near(k, i, k->wide[w]);
   for (I column = box->column - 1; column <= box->column + 1; column++)
     for (I line = box->line - 1; line <= box->line + 1; line++)
-      for (I j = *find_head(p, column, line); j >= 0; j = p->box[j].next, p->num_visited++)
-        if (j > i && p->box[j].column == column && p->box[j].line == line) add_if_near(p, i, j), num++;
+      for (I j = *find_head(k, column, line); j >= 0; j = k->box[j].next, k->num_visited++)
+        if (j > i && k->box[j].column == column && k->box[j].line == line) add_if_near(k, i, j), num++;
   return num;
 }
 
 /* The pairs of the list, by headings of numpy. Returns their number, or -1 for a heap, of which numpy takes a part. */
-EXPORT I list_pairs(P *p) {
-  foresee_bodies(p);
-  p->num_pairs = p->num_near = p->num_wide = p->num_visited = 0;
-  if (!p->is_small) {
-    find_wide(p);
-    if (!fill_cells(p)) return -1;
+EXPORT I list_pairs(K *k) {
+  foresee_bodies(k);
+  k->num_pairs = k->num_near = k->num_wide = k->num_visited = 0;
+  if (!k->is_small) {
+    find_wide(k);
+    if (!fill_cells(k)) return -1;
   }
-  I num_compared = 0, most_compared = most_of(MAX_BOX_PAIRS, PAIRS_EACH * p->num_bodies);
-  for (I i = 0; i < p->num_bodies; i++) {
-    num_compared += find_partners(p, i);
-    if (p->is_small) continue;
-    if (num_compared > most_compared || p->num_near > most_of(MAX_NEAR, NEAR_EACH * p->num_bodies)) return -1;
-    if (p->num_visited > MAX_VISITS * most_compared) return -1; /* somebody has chosen places of one head */
+  I num_compared = 0, most_compared = most_of(MAX_BOX_PAIRS, PAIRS_EACH * k->num_bodies);
+  for (I i = 0; i < k->num_bodies; i++) {
+    num_compared += find_partners(k, i);
+    if (k->is_small) continue;
+    if (num_compared > most_compared || k->num_near > most_of(MAX_NEAR, NEAR_EACH * k->num_bodies)) return -1;
+    if (k->num_visited > MAX_VISITS * most_compared) return -1; /* somebody has chosen places of one head */
   }
-  for (I m = 0; m < least_of(p->num_pairs, p->most_pairs); m++)
-    for (I i = 0; i < 2; i++) p->pairs[i * p->most_pairs + m] = p->rows[p->pairs[i * p->most_pairs + m]];
-  return p->num_pairs;
+  for (I m = 0; m < least_of(k->num_pairs, k->most_pairs); m++)
+    for (I i = 0; i < 2; i++) k->pairs[i * k->most_pairs + m] = k->rows[k->pairs[i * k->most_pairs + m]];
+  return k->num_pairs;
 }
 
 /* CollisionDetector._measure for the first pairs of rows, and their judgement: 1 if some may touch. */
-EXPORT I judge_pairs(P *p, I num) {
-  p->num_pairs = num;
+EXPORT I judge_pairs(K *k, I num) {
+  k->num_pairs = num;
   for (I m = 0; m < num; m++) {
-    Pair *pair = &p->pair[m];
+    Pair *pair = &k->pair[m];
     pair->gap = 0.0;
     for (I i = 0; i < 2; i++) {
-      I r = pair->row[i] = p->pairs[i * p->most_pairs + m];
-      D corner = sqrt(p->half_length[r] * p->half_length[r] + p->half_width[r] * p->half_width[r]);
-      pair->half[2 * i] = most(p->half_length[r] - TOUCHING / 2.0, 0.0);
-      pair->half[2 * i + 1] = most(p->half_width[r] - TOUCHING / 2.0, 0.0);
-      pair->centre[i] = p->centre[r], pair->swing[i] = 0.5 * PI * (corner + fabs(p->centre[r]));
+      I r = pair->row[i] = k->pairs[i * k->most_pairs + m];
+      D corner = sqrt(k->half_length[r] * k->half_length[r] + k->half_width[r] * k->half_width[r]);
+      pair->half[2 * i] = most(k->half_length[r] - TOUCHING / 2.0, 0.0);
+      pair->half[2 * i + 1] = most(k->half_width[r] - TOUCHING / 2.0, 0.0);
+      pair->centre[i] = k->centre[r], pair->swing[i] = 0.5 * PI * (corner + fabs(k->centre[r]));
     }
   }
-  return judge_list(p);
+  return judge_list(k);
 }

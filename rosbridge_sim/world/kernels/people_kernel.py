@@ -5,16 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray
-from rosbridge_sim.world.kernels.c_source import (
-    COLUMNS_OF_PEOPLE,
-    FOR_PEOPLE,
-    FOR_PLACES,
-    OF_PATHS,
-    OF_PEOPLE,
-    PLACE_OF_PEOPLE,
-)
-from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
-from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.kernels.c_source import FOR_PEOPLE, FOR_PLACES
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
 from rosbridge_sim.world.people.people import People
 
 
@@ -28,9 +20,10 @@ class PeopleKernel:
 
     def __init__(self, library: CompiledLoops, people: People) -> None:
         self._do, self._people = library, people
-        self._fields = fields = LoopFields(PLACE_OF_PEOPLE)
-        fields.copy(people.world, COLUMNS_OF_PEOPLE)
-        fields.copy(people, OF_PEOPLE)
+        self._fields = fields = LoopFields()
+        fields.take_columns(people.world)
+        fields.copy(people, "path_length stop_from start end rows first is_loop")
+        fields.take(side_of=people.side, path_base=people.base)
         fields.make(FOR_PEOPLE, people.num)
         fields.make(FOR_PLACES, 2 * people.num)
         fields["n"] = people.num
@@ -39,7 +32,7 @@ class PeopleKernel:
     def find_places(self) -> tuple[FloatArray, ComplexArray, ComplexArray]:
         """See `People.find_places`."""
         paths = self._people.world.path_store
-        self._fields.copy(paths, OF_PATHS)
+        self._fields.take(segments=paths.segments, keys=paths.keys)
         self._fields["num_keys"] = paths.num
         self._do.find_places(self._fields.address)
         return self._fields.arrays["arc"], self._goal, self._course

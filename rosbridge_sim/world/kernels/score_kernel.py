@@ -17,24 +17,9 @@ from rosbridge_sim.world.contacts.time_to_collision import find_times_of_pairs, 
 from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.geometry.segment_cells import AROUND
 from rosbridge_sim.world.geometry.segment_search import SegmentSearch
-from rosbridge_sim.world.kernels.c_source import (
-    CELL_PLACES,
-    CELL_WORDS,
-    FOR_EGOS,
-    FOR_OTHERS,
-    MORE_PAIRS,
-    NEAR_EDGES,
-    NO_ROOM,
-    NUM_FIGURES,
-    OTHER_COLUMNS,
-    PLACE_COLUMNS,
-    PLACE_OF,
-    SCORE_COLUMNS,
-    SCORE_ROADS,
-    WITH_ARRAYS,
-)
-from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops
-from rosbridge_sim.world.kernels.loop_fields import LoopFields
+from rosbridge_sim.world.kernels import c_source
+from rosbridge_sim.world.kernels.c_source import CELL_PLACES, CELL_WORDS, FOR_EGOS, MORE_PAIRS, NO_ROOM
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.stop_lines import StopLines
 from rosbridge_sim.world.scoring import Before, Edges, count_contacts, judge_lines
@@ -48,7 +33,7 @@ MAX_SEGMENTS: Final = 1 << 20
 
 def measures_alike(library: CompiledLoops) -> bool:
     """Return whether distances by the C library have the bits of numpy's: the loops need those."""
-    fields, num = LoopFields(PLACE_OF), 1000
+    fields, num = LoopFields(), 1000
     fields.make(FOR_EGOS, num)
     rng, found = np.random.default_rng(0), fields.arrays
     found["to_left"][:], found["to_right"][:] = rng.normal(size=(2, num)) * 10.0 ** rng.integers(-3, 3, (2, num))
@@ -83,19 +68,10 @@ class _Cells:
 
     def fill(self, fields: LoopFields) -> None:
         """Give a structure all that a search for lanes needs."""
-        roads, segments = self._roads, self._roads.segments
-        fields.copy(roads, SCORE_ROADS)
-        fields.take(
-            segment_start=segments.start,
-            segment_direction=segments.direction,
-            segment_angle=segments.angle,
-            segment_height=segments.height,
-            segment_slope=segments.slope,
-            segment_length=segments.length,
-            segment_lane=segments.lane,
-            segment_point=segments.point,
-            **self.arrays,
-        )
+        roads = self._roads
+        fields.copy(roads, c_source.OF_ROADS)
+        fields.copy(roads.segments, c_source.OF_SEGMENTS, "segment_")
+        fields.take(**self.arrays)
         fields["num_points"], fields["is_flat"] = len(roads.points), roads.is_flat
         fields["num_blocks"], fields["cell_room"] = len(self.arrays["block_first"]), MAX_SEGMENTS
 
@@ -128,9 +104,9 @@ class _Look:
         self.rows, self.ahead = rows, ahead
         roads, num = world.roads.alone, len(rows)
         self._do, self._world, self._roads, self._cells = library, world, roads, roads.derived(_Cells)
-        self._fields = fields = LoopFields(PLACE_OF)
+        self._fields = fields = LoopFields()
         self._cells.fill(fields)
-        fields.copy(world, PLACE_COLUMNS)
+        fields.take_columns(world)
         fields.make(FOR_EGOS, num)
         self._cosine, self._sine, self._points = np.zeros(num), np.zeros(num), np.zeros((num, len(ahead), 2))
         fields.take(rows=rows, straight_on=straight_on, ahead=ahead, points_ahead=self._points)
@@ -169,11 +145,11 @@ class _Others:
 
     def __init__(self, library: CompiledLoops, world: WorldRows, rows: IntArray, num: int) -> None:
         self.rows, self.num = rows, num
-        self._do, self._yaw, self._fields = library, world.yaw, LoopFields(PLACE_OF)
+        self._do, self._yaw, self._fields = library, world.yaw, LoopFields()
         fields, size = self._fields, num * len(rows)
-        fields.copy(world, OTHER_COLUMNS)
-        fields.make(FOR_OTHERS, size)
-        self._seen = np.zeros((len(rows), num, NUM_FIGURES))
+        fields.take_columns(world)
+        fields.make(c_source.FOR_OTHERS, size)
+        self._seen = np.zeros((len(rows), num, c_source.NUM_FIGURES))
         fields.take(rows=rows, seen=self._seen, cosine=np.zeros(world.n), sine=np.zeros(world.n))
         fields["n"], fields["num_seen"], fields["num_rows"] = len(rows), num, world.n
         fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
@@ -200,13 +176,13 @@ class ScoreKernel:
     """
 
     def __init__(self, library: CompiledLoops, world: WorldRows) -> None:
-        self._do, self._world, self._fields = library, world, LoopFields(PLACE_OF)
+        self._do, self._world, self._fields = library, world, LoopFields()
         self._at = self._fields.address
         self._rows = rows = world.rows(Kind.EGO)
         roads, fields, num = world.roads.alone, self._fields, len(rows)
         self._cells, edges = roads.derived(_Cells), roads.derived(Edges)
         self._is_fit = farthest_edge(roads) <= AROUND
-        fields.copy(world, SCORE_COLUMNS)
+        fields.take_columns(world)
         self._cells.fill(fields)
         fields.take(
             rows=rows,
@@ -240,8 +216,8 @@ class ScoreKernel:
         do.list_headings(at)
         np.cos(self._angle, self._cosine)
         np.sin(self._angle, self._sine)
-        found = self._cells.search(at, do.judge_egos) if self._is_fit else WITH_ARRAYS
-        if found == NEAR_EDGES:
+        found = self._cells.search(at, do.judge_egos) if self._is_fit else c_source.WITH_ARRAYS
+        if found == c_source.NEAR_EDGES:
             self._measure_across()
             found = do.judge_egos(at)
         if found < 0:

@@ -23,7 +23,7 @@ static inline Foot project(const K *k, I segment, D x, D y) {
 
 /* The cell with a key, of the key, the first of its segments, and their number; none if it is not known. */
 static const I *find_cell(const K *k, I key) {
-  for (I at = (I)(mix((uint64_t)key) % NUM_PLACES);; at = (at + 1) % NUM_PLACES) {
+  for (I at = (I)(mix((uint64_t)key) % CELL_PLACES);; at = (at + 1) % CELL_PLACES) {
     const I *cell = k->cells + CELL_WORDS * at;
     if (cell[0] == key) return cell;
     if (!cell[0]) return 0;
@@ -102,8 +102,8 @@ static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
     if (!(k->kept_cost[j] > bound * MORE + 1e-9)) k->cell_segment[first + left++] = k->cell_segment[first + j];
   k->used[1] = first + left;
   k->used[0]++;
-  I at = (I)(mix((uint64_t)key) % NUM_PLACES);
-  while (k->cells[CELL_WORDS * at]) at = (at + 1) % NUM_PLACES;
+  I at = (I)(mix((uint64_t)key) % CELL_PLACES);
+  while (k->cells[CELL_WORDS * at]) at = (at + 1) % CELL_PLACES;
   I *place = k->cells + CELL_WORDS * at;
   place[0] = key;
   place[1] = first;

@@ -344,6 +344,10 @@ class EntityArrays:
         """Return the integer columns from `first` to `last`, given by name, as one (columns, n) view."""
         return self._ints[_INT_LINES[first] : _INT_LINES[last] + 1, : self.n]
 
+    def bool_block(self) -> BoolArray:
+        """Return all columns of truth values as one (columns, n) view."""
+        return self._bools[:, : self.n]
+
     def _allocate(self, n: int) -> None:
         """Take new blocks, with n free rows."""
         self._floats, self._ints, self._bools = _blocks(n)

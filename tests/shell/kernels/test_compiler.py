@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -19,7 +20,6 @@ from rosbridge_sim.shell.kernels.compiler import (
     load_library,
     read_source,
 )
-from rosbridge_sim.world.kernels.c_source import FUNCTIONS
 from tests import fork_server
 from tests.world.kernels.compiled_loops import compiler, library, needs_compiler
 
@@ -98,7 +98,8 @@ def test_library_that_others_may_write_or_replace_is_not_loaded(of_folder: int, 
 
 @needs_compiler
 def test_library_of_a_user_whose_group_may_write_new_files_is_loaded(tmp_path: Path) -> None:
-    source = "".join(f"void {name}(void) {{}}\n" for name in FUNCTIONS)
+    names = re.findall(r"^EXPORT \w+ (\w+)", read_source(), re.MULTILINE)
+    source = "".join(f"void {name}(void) {{}}\n" for name in names)
     path, before = tmp_path / "cache" / "kernels.so", os.umask(0o002)
     try:
         compile_library(source, compiler(), path)

@@ -24,7 +24,8 @@ from rosbridge_sim.world.contacts.collisions import PAIR_LOOPS
 from rosbridge_sim.world.followers.lane_following import LANE_LOOPS, LaneFollowers
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.kernels.car_kernel import CarKernel
-from rosbridge_sim.world.kernels.lane_kernel import CompiledLoops, LaneKernel
+from rosbridge_sim.world.kernels.lane_kernel import LaneKernel
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel

@@ -1,11 +1,16 @@
-"""The structures that loops get: the source in C and the arrays of numpy have the same types."""
+"""The structure of the loops: each of its arrays has one type."""
 
 from __future__ import annotations
 
-from rosbridge_sim.world.kernels import c_source
+from rosbridge_sim.world.kernels.c_source import _TABLES, ARRAYS
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 
 
-def test_field_of_a_structure_has_one_type_in_all_tables() -> None:
+def test_array_that_several_loops_have_has_one_type() -> None:
     """A loop would read an array of the other type as numbers of its own."""
-    for tables, kinds in ((c_source._TABLES, c_source.ARRAYS), (c_source._PAIR_TABLES, c_source.PAIR_ARRAYS)):
-        assert all(kinds[name] == kind for table in tables for kind, names in table.items() for name in names.split())
+    every = {(name, kind) for table in _TABLES for kind, names in table.items() for name in names.split()}
+    assert len(every) == len(ARRAYS)
+
+
+def test_columns_of_the_world_come_first_as_in_its_blocks() -> None:
+    assert list(ARRAYS)[: len(FLOATS) + len(INTS) + len(BOOLS)] == [*FLOATS, *INTS, *BOOLS]
