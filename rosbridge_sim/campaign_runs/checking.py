@@ -14,6 +14,7 @@ from rosbridge_sim.campaigns.parameter_sets import middle_of
 from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.scenario_model import why_without_effect
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.world.state.world import Kind
@@ -33,7 +34,7 @@ def check_job(job: Job) -> Campaign:
     if campaign.document.search is not None:
         check_search(campaign)
         middle = middle_of(campaign.document, campaign.source)
-        runs = [Run(1, group.scenario, group.driver, group.seed, middle) for group in campaign.groups()]
+        runs = [replace(group, number=1, parameters=middle) for group in campaign.groups()]
     else:
         runs = plan_runs(campaign)
     _check_drivers(loaded)

@@ -157,19 +157,14 @@ class _Drive:
         simulator.close_recording()
         self._is_over.set()
 
-    @staticmethod
-    def _let_run(simulator: Simulator) -> None:
-        """End the wait for the program. Runs in the simulator's thread."""
-        assert simulator.node is not None
-        simulator.node.context.sync_driver.resume(asyncio.get_running_loop().time())
-
     def follow(self, program: _Program, timeout: float, simulator: Simulator) -> None:
         """Wait until the drive is over, the program has ended, or the time has passed."""
-        outcome, end = self.outcome, time.monotonic() + timeout
+        assert simulator.node is not None
+        outcome, end, world = self.outcome, time.monotonic() + timeout, simulator.node.context.sync_driver
         while not self._is_over.wait(LOOK_EVERY):
-            if self._has_client.is_set():
+            if self._has_client.is_set():  # the wait for the program is over
                 self._has_client.clear()
-                simulator.run_inside(lambda: self._let_run(simulator))
+                simulator.run_inside(lambda: world.resume(asyncio.get_running_loop().time()))
             code = program.process.poll()
             if code is not None:
                 if code:

@@ -62,7 +62,8 @@ def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) 
             values = loaded.campaign.values_of(run)
             groups.setdefault(repr((values.settings, values.vehicle)), []).append((run, values))
         except DocumentError as error:
-            found[run.number] = _broken(loaded, run, str(error))
+            found[run.number] = WatchedDrive(loaded.campaign, run).outcome
+            found[run.number].error = str(error)
     for group in groups.values():
         outcomes = _drive(loaded, driver, group)
         if outcomes is None:
@@ -70,12 +71,6 @@ def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) 
         for (run, _), outcome in zip(group, outcomes, strict=True):
             found[run.number] = outcome
     return [found[run.number] for run in runs]
-
-
-def _broken(loaded: LoadedJob, run: Run, why: str) -> Outcome:
-    outcome = WatchedDrive(loaded.campaign, run).outcome
-    outcome.error = why
-    return outcome
 
 
 def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, RunValues]]) -> list[Outcome] | None:

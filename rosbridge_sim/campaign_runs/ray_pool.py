@@ -52,12 +52,10 @@ class RayPool:
                 f"{job.base}: expected a folder of at most {MAX_SHIPPED >> 20} MB, because it is sent to the cluster"
                 f" with the campaign; it has {size >> 20} MB: put the campaign into a folder of its own"
             )
-        options: dict[str, Any] = {"log_to_driver": False, "include_dashboard": False}
-        options |= {"num_cpus": num_jobs} if address == "local" else {"runtime_env": {"working_dir": job.base}}
-        if address != "local":
-            options.pop("include_dashboard")
+        here, there = {"num_cpus": num_jobs, "include_dashboard": False}, {"runtime_env": {"working_dir": job.base}}
+        options: dict[str, Any] = dict(here) if address == "local" else dict(there)
         try:
-            ray.init(address, **options)
+            ray.init(address, log_to_driver=False, **options)
         except (ConnectionError, RuntimeError, ValueError) as error:
             raise DocumentError(f"--ray {address}: {error}") from None
         self._ray: Any = ray

@@ -6,10 +6,10 @@ import warnings
 from collections.abc import Mapping
 
 from rosbridge_sim.campaign_runs.running import CampaignRunner
-from rosbridge_sim.campaigns.campaign import Group
-from rosbridge_sim.campaigns.run_results import BAD, Result, Run
+from rosbridge_sim.campaigns.run_results import BAD, Result
 from rosbridge_sim.campaigns.search import MakeStrategy, Search
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import replace
 
 
 def drive_search(runner: CampaignRunner, there: Mapping[int, Result]) -> None:
@@ -33,7 +33,8 @@ def drive_search(runner: CampaignRunner, there: Mapping[int, Result]) -> None:
         search = Search(campaign.document, campaign.source, make)
         first = 1 + i * document.budget
         while points := search.ask():
-            runs = [_run(group, first + search.num_asked - len(points) + k, point) for k, point in enumerate(points)]
+            numbered = enumerate(points, first + search.num_asked - len(points))
+            runs = [replace(group, number=number, parameters=point) for number, point in numbered]
             runner.drive([run for run in runs if run.number not in there])
             results = [there[run.number] for run in runs]
             search.tell(results)
@@ -57,7 +58,3 @@ def load_strategy() -> MakeStrategy:
         ) from None
     make: MakeStrategy = CMAEvolutionStrategy
     return make
-
-
-def _run(group: Group, number: int, point: Mapping[str, bool | int | float | str]) -> Run:
-    return Run(number, group.scenario, group.driver, group.seed, point)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 from rosbridge_sim.campaigns.assignments import Assignment, Change, read_assignments
@@ -15,14 +16,6 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, TopicField, Value, is_name, parse_expression
 from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.records import Record
-
-
-class Group(Record):
-    """A scenario with a driver and a seed: what a search varies the parameters of."""
-
-    scenario: str
-    driver: str
-    seed: int
 
 
 class RunValues(Record):
@@ -75,12 +68,9 @@ class Campaign(Record):
         """Fields of topics that its expressions read."""
         return self.limits.fields | (frozenset() if self.end_when is None else self.end_when.fields)
 
-    def groups(self) -> Iterator[Group]:
-        """Yield every scenario with every driver and seed."""
-        for scenario in self.scenarios:
-            for driver in self.drivers:
-                for seed in self.seeds:
-                    yield Group(scenario, driver, seed)
+    def groups(self) -> list[Run]:
+        """Return every scenario with every driver and seed, as runs without a number and parameters."""
+        return [Run(0, *chosen, {}) for chosen in product(self.scenarios, self.drivers, self.seeds)]
 
     def values_of(self, run: Run) -> RunValues:
         """Return what a run sets.
@@ -146,16 +136,9 @@ def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
     if document.skip_when is not None:
         where = f"{source}: skip_when"
         skip_when = parse_expression(document.skip_when, where, frozenset({*names, "seed"}), numbers=numbers)
-    return Campaign(
-        source,
-        document,
-        scenarios,
-        seeds,
-        read_assignments(document.assign, names, source),
-        read_limits(document.limits, known, numbers, source),
-        end_when,
-        skip_when,
-    )
+    assignments = read_assignments(document.assign, names, source)
+    limits = read_limits(document.limits, known, numbers, source)
+    return Campaign(source, document, scenarios, seeds, assignments, limits, end_when, skip_when)
 
 
 def plan_runs(campaign: Campaign) -> list[Run]:
@@ -165,22 +148,14 @@ def plan_runs(campaign: Campaign) -> list[Run]:
         DocumentError: parameters that cannot be combined, or too many runs.
     """
     points = expand_parameters(campaign.document, campaign.source)
-    groups = list(campaign.groups())
-    if len(points) * len(groups) > MAX_RUNS:
+    num_groups = len(campaign.scenarios) * len(campaign.drivers) * len(campaign.seeds)
+    if len(points) * num_groups > MAX_RUNS:
         raise DocumentError(
-            f"{campaign.source}: expected at most {MAX_RUNS:,} runs, got {len(points) * len(groups):,}: {len(groups)}"
+            f"{campaign.source}: expected at most {MAX_RUNS:,} runs, got {len(points) * num_groups:,}: {num_groups}"
             f" scenarios with drivers and seeds, and {len(points):,} sets of parameters"
         )
-    pairs = (
-        (scenario, driver, point, seed)
-        for scenario in campaign.scenarios
-        for driver in campaign.drivers
-        for point in points
-        for seed in campaign.seeds
-    )
-    return [
-        Run(number, scenario, driver, seed, point) for number, (scenario, driver, point, seed) in enumerate(pairs, 1)
-    ]
+    chosen = enumerate(product(campaign.scenarios, campaign.drivers, points, campaign.seeds), 1)
+    return [Run(number, scenario, driver, seed, point) for number, (scenario, driver, point, seed) in chosen]
 
 
 def check_search(campaign: Campaign) -> None:
@@ -192,7 +167,7 @@ def check_search(campaign: Campaign) -> None:
     search = campaign.document.search
     assert search is not None
     ranges_of(campaign.document, campaign.source)
-    num = search.budget * sum(1 for _ in campaign.groups())
+    num = search.budget * len(campaign.groups())
     if num > MAX_RUNS:
         raise DocumentError(f"{campaign.source}: search.budget: expected at most {MAX_RUNS:,} runs in all, got {num:,}")
 

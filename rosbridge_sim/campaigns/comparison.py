@@ -13,6 +13,13 @@ MAX_LINES: Final = 50
 
 Pair = tuple[Result, Result]
 
+_TITLES: Final = {
+    "regressions": "regressions",
+    "fixed": "fixed",
+    "others": "other verdicts or reasons",
+    "moved": "same verdict, other drive",
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
@@ -37,27 +44,18 @@ class Comparison:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines for people."""
-        counts = {
-            "regressions": self.regressions,
-            "fixed": self.fixed,
-            "other verdicts or reasons": self.others,
-            "same verdict, other drive": self.moved,
-        }
-        for title, pairs in counts.items():
+        for kind, title in _TITLES.items():
+            pairs: tuple[Pair, ...] = getattr(self, kind)
             yield f"{title}: {len(pairs):,}"
             for before, after in pairs[:MAX_LINES]:
                 yield f"  run {after.run.number} {after.run.title}"
-                if title == "same verdict, other drive":
-                    yield f"    {_scores_changed(before, after)}"
-                    continue
-                yield f"    {before.verdict} -> {after.verdict}: {after.reason or before.reason}"
-            if len(pairs) > MAX_LINES:
-                yield f"  ... and {len(pairs) - MAX_LINES:,} more"
+                change = f"{before.verdict} -> {after.verdict}: {after.reason or before.reason}"
+                yield f"    {_scores_changed(before, after) if kind == 'moved' else change}"
+            yield from _rest(len(pairs))
         if self.missing:
             yield f"missing: {len(self.missing):,}"
             yield from (f"  run {each.run.number} {each.run.title}" for each in self.missing[:MAX_LINES])
-            if len(self.missing) > MAX_LINES:
-                yield f"  ... and {len(self.missing) - MAX_LINES:,} more"
+            yield from _rest(len(self.missing))
         yield f"the same: {self.num_same:,}; only before: {len(self.missing):,}; only after: {len(self.added):,}"
 
     def to_json(self) -> dict[str, Any]:
@@ -77,7 +75,7 @@ class Comparison:
             ]
 
         return {
-            **{kind: told(getattr(self, kind)) for kind in ("regressions", "fixed", "others", "moved")},
+            **{kind: told(getattr(self, kind)) for kind in _TITLES},
             "num_same": self.num_same,
             "added": [each.run.title for each in self.added],
             "missing": [each.run.title for each in self.missing],
@@ -94,26 +92,25 @@ def compare_results(before: Sequence[Result], after: Sequence[Result]) -> Compar
     old = {result.run.key: result for result in before}
     pairs = [(old[result.run.key], result) for result in after if result.run.key in old]
     new = {result.run.key for result in after}
-    regressions, fixed, others, moved = [], [], [], []
-    for pair in pairs:
-        first, second = pair
-        if first.verdict not in BAD and second.verdict in BAD:
-            regressions.append(pair)
-        elif first.verdict in BAD and second.verdict not in BAD:
-            fixed.append(pair)
-        elif (first.verdict, first.reason) != (second.verdict, second.reason):
-            others.append(pair)
-        elif first.state_hash != second.state_hash:
-            moved.append(pair)
-    return Comparison(
-        tuple(regressions),
-        tuple(fixed),
-        tuple(others),
-        tuple(moved),
-        len(pairs) - sum(map(len, (regressions, fixed, others, moved))),
-        tuple(result for result in after if result.run.key not in old),
-        tuple(result for result in before if result.run.key not in new),
-    )
+    kinds = [tuple(pair for pair in pairs if _kind_of(*pair) == kind) for kind in ("", *_TITLES)]
+    same, regressions, fixed, others, moved = kinds
+    added = tuple(result for result in after if result.run.key not in old)
+    missing = tuple(result for result in before if result.run.key not in new)
+    return Comparison(regressions, fixed, others, moved, len(same), added, missing)
+
+
+def _kind_of(before: Result, after: Result) -> str:
+    """Return the name of what happened to a run: a key of `_TITLES`, or nothing."""
+    if (before.verdict in BAD) != (after.verdict in BAD):
+        return "regressions" if after.verdict in BAD else "fixed"
+    if (before.verdict, before.reason) != (after.verdict, after.reason):
+        return "others"
+    return "moved" if before.state_hash != after.state_hash else ""
+
+
+def _rest(num: int) -> Iterator[str]:
+    if num > MAX_LINES:
+        yield f"  ... and {num - MAX_LINES:,} more"
 
 
 def _scores_changed(before: Result, after: Result) -> str:

@@ -124,17 +124,13 @@ def _failures(details: Sequence[Details], bad: int) -> str:
 
 def _section(each: Details, *, is_open: bool) -> str:
     result, run = each.result, each.result.run
-    chosen = " ".join([f"seed={run.seed}", *(f"{key}={value}" for key, value in run.parameters.items())])
-    title = html.escape(f"{run.driver} on {run.scenario} {chosen}: {result.reason}")
+    title = html.escape(f"{run.driver} on {run.scenario} {run.chosen}: {result.reason}")
     lines = [
         f'<details id="run-{run.number}"{" open" if is_open else ""}><summary>run {run.number} ',
         f'<strong class="{result.verdict}">{result.verdict}</strong> {title}</summary><div>',
     ]
     if result.breaches:
-        rows = "".join(
-            f"<li>{html.escape(b.limit)} at {b.time:g} s, ({b.x:g}, {b.y:g}): {html.escape(b.text)}</li>"
-            for b in result.breaches
-        )
+        rows = "".join(f"<li>{html.escape(breach.told)}</li>" for breach in result.breaches)
         lines.append(f"<ul>{rows}</ul>")
     if each.trace:
         at = result.breaches[0].time if result.breaches else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rosbridge_sim.world.geometry.planar import box_at
@@ -47,19 +47,14 @@ def draw_scene(trace: Mapping[str, Sequence[float]], scene: Mapping[str, Any], l
     step = max(len(way) // _MAX_POINTS, 1)
     points = " ".join(at(x, y) for x, y in [*way[::step], way[-1]])
     parts.append(f'<polyline class="way" stroke-width="2" points="{points}"/>')
-    for box in _last_boxes(scene):
-        uid, x, y, yaw, half_length, half_width, centre, _kind = box
+    neighbours = scene.get("neighbours") or [(0.0, ())]
+    for uid, x, y, yaw, half_length, half_width, centre, _kind in neighbours[-1][1]:
         corners = box_at((x, y, yaw), half_length, half_width, centre)
         name = "ego" if uid == 0 else "other"
         parts.append(f'<polygon class="{name}" points="{" ".join(at(*corner) for corner in corners)}"/>')
     bar = 20.0 * scale
     parts.append(f'<path class="axis" d="M8 {height - 8}h{bar:.0f}"/><text x="8" y="{height - 12}">20 m</text></svg>')
     return "".join(parts)
-
-
-def _last_boxes(scene: Mapping[str, Any]) -> Iterable[Sequence[float]]:
-    neighbours = scene.get("neighbours")
-    return neighbours[-1][1] if neighbours else ()
 
 
 def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit: str, mark: float | None) -> str:

@@ -60,8 +60,12 @@ class Run:
     @property
     def title(self) -> str:
         """Driver, scenario, seed and parameters, in one line."""
-        chosen = " ".join(f"{name}={value}" for name, value in self.parameters.items())
-        return f"{self.driver} {self.scenario} seed={self.seed} {chosen}".rstrip()
+        return f"{self.driver} {self.scenario} {self.chosen}".rstrip()
+
+    @property
+    def chosen(self) -> str:
+        """Seed and parameters, in one line."""
+        return " ".join(f"{name}={value}" for name, value in (("seed", self.seed), *self.parameters.items()))
 
 
 class Breach(NamedTuple):
@@ -78,6 +82,11 @@ class Breach(NamedTuple):
     time: _Number
     x: _Number
     y: _Number
+
+    @property
+    def told(self) -> str:
+        """All of it in one line."""
+        return f"{self.limit} at {self.time:g} s, ({self.x:g}, {self.y:g}): {self.text}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import csv
 import html
 import io
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Final
 
@@ -80,9 +81,7 @@ def write_times(results: Iterable[Result]) -> str:
 
 def _csv(rows: Iterable[Iterable[Cell]]) -> str:
     text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    for row in rows:
-        writer.writerow([_cell(value) for value in row])
+    csv.writer(text, lineterminator="\n").writerows(map(_cell, row) for row in rows)
     return text.getvalue()
 
 
@@ -114,9 +113,7 @@ def write_junit(results: Sequence[Result], name: str) -> str:
 
 
 def _counts(results: Sequence[Result]) -> str:
-    num = {
-        verdict: sum(each.verdict == verdict for each in results) for verdict in ("fail", "flaky", "error", "skipped")
-    }
+    num = Counter(each.verdict for each in results)
     seconds = sum(each.wall for each in results)
     return (
         f'tests="{len(results)}" failures="{num["fail"] + num["flaky"]}" errors="{num["error"]}"'
@@ -125,18 +122,13 @@ def _counts(results: Sequence[Result]) -> str:
 
 
 def _case(result: Result, group: str) -> str:
-    run = result.run
-    title = " ".join(
-        [f"run {run.number}", f"seed={run.seed}", *(f"{key}={value}" for key, value in run.parameters.items())]
-    )
+    title = f"run {result.run.number} {result.run.chosen}"
     head = f'    <testcase classname={_quoted(group)} name={_quoted(title)} time="{result.wall:.3f}"'
     if result.verdict == "pass":
         return f"{head}/>"
     tag = {"fail": "failure", "flaky": "failure", "error": "error", "skipped": "skipped"}[result.verdict]
     kind = "" if tag == "skipped" else f' type="{result.verdict}"'
-    more = "\n".join(
-        f"{each.limit} at {each.time:g} s, ({each.x:g}, {each.y:g}): {each.text}" for each in result.breaches
-    )
+    more = "\n".join(breach.told for breach in result.breaches)
     return f"{head}><{tag}{kind} message={_quoted(result.reason)}>{html.escape(_plain(more))}</{tag}></testcase>"
 
 

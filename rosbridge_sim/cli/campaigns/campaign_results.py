@@ -50,7 +50,7 @@ def show(folder: str, number: int, *, is_json: bool) -> None:
         return
     put_lines(f"run {number}: {result.run.title}\nverdict: {result.verdict} {result.reason}".rstrip())
     for breach in result.breaches:
-        put_lines(f"  {breach.limit} at {breach.time:g} s, ({breach.x:g}, {breach.y:g}): {breach.text}")
+        put_lines(f"  {breach.told}")
     if result.verdicts:
         put_lines(f"drives: {', '.join(result.verdicts)}")
     put_table(("score", "value"), [(name, _number(value)) for name, value in result.scores.items()])

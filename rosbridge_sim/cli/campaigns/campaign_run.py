@@ -96,7 +96,7 @@ def _planned(campaign: Campaign, shard: tuple[int, int] | None = None) -> list[R
 
 def _num_runs(campaign: Campaign) -> int:
     search = campaign.document.search
-    return search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
+    return search.budget * len(campaign.groups()) if search is not None else len(plan_runs(campaign))
 
 
 def merge(folders: Sequence[str], output: str, *, is_json: bool) -> int:
@@ -240,11 +240,11 @@ def _put_plan(campaign: Campaign, runs: Sequence[Run], *, is_json: bool) -> None
     """List the runs; of a search what it would vary."""
     search = campaign.document.search
     if search is not None:
-        groups = list(campaign.groups())
+        num = len(campaign.groups())
         if is_json:
-            put_json({"search": search.worst, "groups": len(groups), "budget": search.budget})
+            put_json({"search": search.worst, "groups": num, "budget": search.budget})
         else:
-            put_lines(f"a search for the least {search.worst}: {len(groups)} times at most {search.budget:,} runs")
+            put_lines(f"a search for the least {search.worst}: {num} times at most {search.budget:,} runs")
         return
     for each in runs:
         if is_json:
