@@ -117,10 +117,9 @@ def _echo(options: Options) -> int:
         path = None if options.field is None else topic.FieldPath(options.field)
     except ValueError:
         raise SettingError(f"--field: expected a path such as a.b or list[0].c; got {options.field!r}") from None
-    form = topic.Echo(
-        options.json, options.csv, options.plot, has_arrays=not options.no_arr, has_texts=not options.no_str
-    )
-    return run_tool("tools.topic.echo", options, field=path, form=form)
+    has = {"has_arrays": not options.no_arr, "has_texts": not options.no_str}
+    form = topic.Echo(options.json, options.csv, options.plot, **has, field=path)
+    return run_tool("tools.topic.echo", options, form=form)
 
 
 def _publish(options: Options) -> int:

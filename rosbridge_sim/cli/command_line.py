@@ -89,7 +89,7 @@ def run_tool(place: str, options: Options, **more: Any) -> int:  # noqa: ANN401 
 
     Each of its parameters gets the flag of the same name, `is_json` that of `--json`, and `num_jobs` that of `--jobs`.
     `sources` are the message definitions that flags select; `bridge` is a connection to the server at `url`, open while
-    a coroutine runs.
+    a coroutine runs; `connect` opens one to a URL.
 
     Args:
         place: module and function, such as `tools.node.list_nodes`.
@@ -107,6 +107,11 @@ def run_tool(place: str, options: Options, **more: Any) -> int:  # noqa: ANN401 
 
         given["sources"] = DefinitionSources(options.release, given.get("ros"), tuple(options.schema_path))
 
+    if "connect" in names:
+        from rosbridge_sim.cli.tools.tool_client import open_bridge  # noqa: PLC0415 - as above
+
+        given["connect"] = partial(open_bridge, token=options.token, patience=options.patience)
+
     def run(**opened: object) -> Any:  # noqa: ANN401 - as above
         chosen = given | opened
         return work(**{each: chosen[each if each in chosen else each.partition("_")[2]] for each in names})
@@ -120,6 +125,21 @@ def run_tool(place: str, options: Options, **more: Any) -> int:  # noqa: ANN401 
     done: Any = run_connected() if "bridge" in names else run()
     code: int | None = asyncio.run(done) if iscoroutine(done) else done
     return code or 0
+
+
+def words_of(options: Options, *flags: str) -> list[str]:
+    """Return flags that `serve` has, too, as words of a command line; without those that were not given.
+
+    Args:
+        flags: names of options, such as `scenario_path` for `--scenario-path`.
+    """
+    words: list[str] = []
+    for name in flags:
+        given, flag = getattr(options, name), f"--{name.replace('_', '-')}"
+        words += [flag] if given is True else []
+        values = given if isinstance(given, list) else [given]
+        words += [f"{flag}={each}" for each in values if each is not None and not isinstance(each, bool)]
+    return words
 
 
 # Common flags

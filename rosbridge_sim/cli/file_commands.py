@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, command_of, group_of, run_tool
+from rosbridge_sim.cli.command_line import Options, add_definitions, add_json, command_of, group_of, run_tool, words_of
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
@@ -87,7 +87,7 @@ def make_scenario() -> Parser:
 
     parser = add(
         "check",
-        "files.scenario_report.check_scenarios",
+        _check_scenarios,
         "explain a scenario file: its mistakes, its contents, and the keys that are used; or check several",
     )
     about = "FILE.json, FILE.xosc, the name of a scenario as for a server, or a folder of scenarios"
@@ -98,11 +98,16 @@ def make_scenario() -> Parser:
     parser.repeated("--param", "NAME=VALUE", "value of a parameter of a *.xosc")
     parser.option("--ego-entity", "NAME", "entity of a *.xosc that is the ego")
     about = "what a *.xosc asks for and is not supported is left out, and no mistake"
-    parser.switch("--lenient", about, dest="is_lenient")
+    parser.switch("--lenient", about)
     _add_picture(parser)
     _add_strict(parser)
     add_json(parser)
     return group
+
+
+def _check_scenarios(options: Options) -> int:
+    words = words_of(options, "scenario_path", "map", "catalogue", "param", "ego_entity", "lenient")
+    return run_tool("files.scenario_report.check_scenarios", options, words=words)
 
 
 def _add_picture(parser: Parser) -> None:

@@ -7,7 +7,7 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 
 from rosbridge_sim.cli.bridge_flags import add_bridge
-from rosbridge_sim.cli.command_line import Options, add_json, command_of, make_number, run_tool
+from rosbridge_sim.cli.command_line import Options, add_json, command_of, make_number, run_tool, words_of
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser
 
@@ -100,20 +100,12 @@ def _clip(options: Options) -> int:
 
 
 def _choice_of(options: Options):  # type: ignore[no-untyped-def] # noqa: ANN202 - of a module that is imported late
-    """Return what the flags choose.
+    """Return what the flags choose."""
+    from rosbridge_sim.cli.files.film import FilmChoice  # noqa: PLC0415 - with the world
 
-    Raises:
-        SettingError: a value cannot be used.
-    """
-    from rosbridge_sim.cli.files.film import FilmChoice, read_world  # noqa: PLC0415 - with the world
-
-    words = [] if options.sensors else ["--sensors=camera"]
-    for name in _WORLD_FLAGS:
-        value = getattr(options, name)
-        values = value if isinstance(value, list) else [value]
-        words += [f"--{name.replace('_', '-')}={each}" for each in values if each is not None]
+    sensors = [] if options.sensors else ["--sensors=camera"]
     return FilmChoice(
-        settings=read_world(words),
+        words=[*sensors, *words_of(options, *_WORLD_FLAGS)],
         camera=options.camera or CHASE,
         size=options.size,
         ego=options.ego,

@@ -7,8 +7,6 @@ from typing import Protocol, Self
 
 from rosbridge_sim.client.frames import Frame, Inbox
 
-__all__ = ["AsyncSubscription", "Predicate"]
-
 Predicate = Callable[[Frame], object]
 """Takes a message and returns true if it fits."""
 

@@ -37,8 +37,6 @@ from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import DEFAULT_PORT, full_url, shown_url
 
-__all__ = ["DEFAULT_URL", "AsyncClient"]
-
 DEFAULT_URL = f"ws://127.0.0.1:{DEFAULT_PORT}"
 """URL of a server on this machine that was started without flags."""
 

@@ -26,8 +26,6 @@ from rosbridge_sim.errors import ClientError, ConnectionLostError
 from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.link.urls import shown_url
 
-__all__ = ["Client", "Subscription"]
-
 P = ParamSpec("P")
 T = TypeVar("T")
 

@@ -14,8 +14,6 @@ from rosbridge_sim.errors import FrameError
 from rosbridge_sim.protocol.fragments import Defragmenter
 from rosbridge_sim.protocol.ops import Fragment
 
-__all__ = ["MAX_SIZE", "Frame", "FrameReader", "Inbox", "absolute"]
-
 MAX_SIZE = 2**28
 """Longest frame that is read [bytes]: an image or a point cloud as base64 has a tenth of it."""
 

@@ -7,8 +7,6 @@ from typing import Any, Final, TypeAlias, TypedDict, Unpack
 
 from rosbridge_sim.client.frames import Frame
 
-__all__ = ["ObjectChange", "ObjectOptions", "RoadPoint", "change_request", "place_request", "spawn_request"]
-
 PathPoint: TypeAlias = Sequence[float] | Mapping[str, float]
 """x, y and perhaps z in a sequence, or by name [m]."""
 

@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from rosbridge_sim.client.frames import Frame
 from rosbridge_sim.records import Record
 
-__all__ = ["RealTimeFactor", "Snapshot", "Steps", "Tick"]
-
 
 class Tick(Record):
     """The simulation after a tick of synchronous mode.

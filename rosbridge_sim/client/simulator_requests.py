@@ -27,14 +27,6 @@ from rosbridge_sim.client.objects import (
 from rosbridge_sim.client.results import RealTimeFactor, Snapshot, Steps, Tick
 from rosbridge_sim.errors import ClientError, ServiceRefusedError
 
-__all__ = [
-    "DEFAULT_USER_ID",
-    "FRAME_MS",
-    "Command",
-    "SimulatorRequests",
-    "StopCondition",
-]
-
 DEFAULT_USER_ID = "rosbridge_sim.client"
 """Default name of the client as master of synchronous mode."""
 
@@ -358,9 +350,7 @@ class SimulatorRequests(ABC):
             ConnectionLostError: the connection has ended.
         """
         request = {"factor": -1.0 if factor is None else factor}
-        values = await self.call("/sim/real_time_factor", request, timeout=timeout)
-        if values.get("result") is not True:
-            raise ServiceRefusedError("/sim/real_time_factor", str(values.get("message", "")), values)
+        values = await self._call_sim("/sim/real_time_factor", request, timeout)
         return RealTimeFactor(values["factor"], values["measured"])
 
     # Snapshots

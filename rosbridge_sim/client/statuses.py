@@ -7,8 +7,6 @@ from collections import deque
 from rosbridge_sim.client.frames import Frame
 from rosbridge_sim.records import Record
 
-__all__ = ["Status", "Statuses"]
-
 MAX_STATUSES = 100
 """Number of status messages that are kept; the oldest are dropped first. A person reads fewer."""
 

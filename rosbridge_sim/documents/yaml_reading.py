@@ -65,20 +65,27 @@ class YamlDocument(Record):
         return self.lines.get(place, 1)
 
 
-def read_yaml(text: str, source: str, expected: str = "YAML") -> YamlDocument:
+def read_yaml(text: str | bytes, source: str, expected: str = "YAML") -> YamlDocument:
     """Read one YAML document.
 
     Args:
+        text: the text, or its bytes in UTF-8.
         source: name of the file, for errors.
         expected: what a text may be, for the error about one that is no YAML.
 
     Raises:
-        DocumentError: one line, such as `robot.yaml:3:17: ...`: it is no YAML, too much, or has a tag, two documents
-            or a key twice.
+        DocumentError: one line, such as `robot.yaml:3:17: ...`: it is no UTF-8 or YAML, too much, or has a tag, two
+            documents or a key twice.
     """
     from ruamel.yaml import YAML  # noqa: PLC0415 - takes 40 ms, and most commands do not need it
     from ruamel.yaml.error import YAMLError  # noqa: PLC0415
 
+    if isinstance(text, bytes):
+        try:
+            text = text.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            byte = error.object[error.start]
+            raise DocumentError(f"{source}: expected a text in UTF-8, got byte {byte:#04x}") from None
     num_bytes = len(text.encode(errors="replace"))
     if num_bytes > MAX_YAML_BYTES:
         raise DocumentError(f"{source}: expected at most {MAX_YAML_BYTES:,} bytes, got {num_bytes:,}")

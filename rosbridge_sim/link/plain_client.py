@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -25,6 +25,10 @@ CLOSE_TIMEOUT = 1.0
 """Longest wait for the other side's part of a close [s]."""
 
 
+OnFrame = Callable[[str | bytes], bool]
+"""Takes a frame; True means that it is done with."""
+
+
 class PlainClient:
     """A connection. A frame is a text or bytes; after the last one stands why the connection ended.
 
@@ -34,7 +38,7 @@ class PlainClient:
         ending: code and reason of the close, once the connection has ended.
     """
 
-    def __init__(self, connection: ClientConnection, on_frame: Callable[[str | bytes], bool] | None) -> None:
+    def __init__(self, connection: ClientConnection, on_frame: OnFrame | None) -> None:
         self.connection = connection
         self.frames: list[str | bytes] = []
         self.ending: tuple[int, str] | None = None
@@ -49,9 +53,8 @@ class PlainClient:
         *,
         token: str | None = None,
         patience: float = 5.0,
-        on_frame: Callable[[str | bytes], bool] | None = None,
-        compression: str | None = None,
-        subprotocols: Sequence[str] = (),
+        on_frame: OnFrame | None = None,
+        **offer: Any,  # noqa: ANN401 - arguments of the library
     ) -> PlainClient:
         """Connect.
 
@@ -60,24 +63,21 @@ class PlainClient:
             token: token of the server; None sends none.
             patience: longest wait for the connection [s].
             on_frame: called with each frame; True means that it is done with.
-            compression: `deflate` offers to compress; None offers nothing.
-            subprotocols: subprotocols to offer.
+            offer: what the handshake offers: `compression`, `subprotocols`.
 
         Raises:
             OSError, ValueError, WebSocketException: there is no connection; see `why_not`.
         """
-        more: dict[str, Any] = {"subprotocols": list(subprotocols)} if subprotocols else {}
         connection = await connect(
             url,
             additional_headers={"Authorization": f"Bearer {token}"} if token else {},
-            compression=compression,
             open_timeout=patience,
             close_timeout=CLOSE_TIMEOUT,
             ping_interval=None,
             max_size=MAX_FRAME,
             proxy=None,
             logger=quiet,
-            **more,
+            **{"compression": None, **offer},
         )
         return cls(connection, on_frame)
 

@@ -17,6 +17,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from types import FrameType
 from typing import Final
 
@@ -67,21 +68,16 @@ def _remove(loop: asyncio.AbstractEventLoop, number: signal.Signals) -> bool:
     return False
 
 
+@dataclass
 class _Ending:
     """The end of a program: not begun, begun, or in a hurry."""
 
-    def __init__(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        numbers: tuple[signal.Signals, ...],
-        stop: Callable[[signal.Signals], None],
-        hurry: Callable[[], None],
-    ) -> None:
-        self._loop = loop
-        self._numbers = numbers
-        self._stop = stop
-        self._hurry = hurry
-        self._has_begun = self._is_in_hurry = False
+    _loop: asyncio.AbstractEventLoop
+    _numbers: tuple[signal.Signals, ...]
+    _stop: Callable[[signal.Signals], None]
+    _hurry: Callable[[], None]
+    _has_begun: bool = False
+    _is_in_hurry: bool = False
 
     def listen(self) -> None:
         """Let the signals call `begin`.

@@ -11,7 +11,7 @@ from inspect import signature
 from rosbridge_sim.cli.command_line import run_tool
 from rosbridge_sim.cli.command_table import TOOLS, make_parser
 
-GIVEN = {"bridge", "sources"}
+GIVEN = {"bridge", "connect", "sources"}
 """What `run_tool` makes itself."""
 
 

@@ -90,7 +90,7 @@ def documents() -> list[tuple[DocumentType[Any], Any]]:
         (campaign_model._DOCUMENT, campaign),
         (CONTRACT, contract),
         (catalogue_file._ROW, row),
-        (mock_model._DOCUMENT, mock),
+        (mock_model.MOCK, mock),
         (morai_network._FILE, network),
         (signal_plan_file._PLAN, plan),
         *((scenario_model._DOCUMENT, scene) for scene in scenes),

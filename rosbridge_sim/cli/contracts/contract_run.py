@@ -9,14 +9,14 @@ from pathlib import Path
 
 from rosbridge_sim.cli.contracts.watching import chosen, services_if_told, types_if_told, watch_topics
 from rosbridge_sim.cli.tools.text import Flow, demand_new, note, put, put_json, put_lines, put_table, render, write_file
-from rosbridge_sim.cli.tools.tool_client import Bridge, open_bridge
+from rosbridge_sim.cli.tools.tool_client import Bridge, Connect
 from rosbridge_sim.contracts.contract import CONTRACT, Contract
 from rosbridge_sim.contracts.contract_check import Claim, judge_contract
 from rosbridge_sim.contracts.contract_recording import contract_document, record_contract
 from rosbridge_sim.contracts.seen_system import SeenSystem
 from rosbridge_sim.documents.document_reading import check_values
 from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, read_yaml
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, file_errors
 from rosbridge_sim.junit import Case, write_suite
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.urls import shown_url
@@ -98,13 +98,9 @@ def read_contract(file: str) -> Contract:
     Raises:
         DocumentError: it cannot be read; or a line for each mistake.
     """
-    try:
-        text = Path(file).read_text(encoding="utf-8")
-    except OSError as error:
-        raise DocumentError(f"{file}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise DocumentError(f"{file}: expected a text in UTF-8") from None
-    document = read_yaml(text, file)
+    with file_errors(file, "read"):
+        content = Path(file).read_bytes()
+    document = read_yaml(content, file)
     read = check_values(CONTRACT, document.value, document.where)
     if read[0] is None:
         raise DocumentError("\n".join(mistake.text for mistake in read[1]))
@@ -113,8 +109,7 @@ def read_contract(file: str) -> Contract:
 
 async def check_contract(
     url: str,
-    token: str | None,
-    patience: float,
+    connect: Connect,
     file: str,
     *,
     duration: float,
@@ -126,8 +121,7 @@ async def check_contract(
 
     Args:
         url: URL of the rosbridge, or `HOST[:PORT]`.
-        token: token of the server; None sends none.
-        patience: longest wait for an answer [s].
+        connect: opens the connection.
         file: the contract.
         duration: least time of watching [s].
         junit_path: file for JUnit XML; None writes none.
@@ -144,7 +138,7 @@ async def check_contract(
     contract = read_contract(file)
     slowest = min((topic.rate for topic in contract.topics.values() if topic.rate), default=math.inf)
     seconds = max(duration, min(MESSAGES_FOR_RATE / slowest, MAX_LONGER))
-    async with open_bridge(url, token, patience) as bridge:
+    async with connect(url) as bridge:
         types = await types_if_told(bridge)
         wanted = contract.topics if types is None else contract.topics.keys() & types.keys()
         kinds = {name: (types or {}).get(name, contract.topics[name].type) for name in sorted(wanted)}

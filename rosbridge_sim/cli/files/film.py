@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,10 +12,8 @@ from typing import TYPE_CHECKING, Final
 from rosbridge_sim.cli.tools.picture_files import picture_of, save
 from rosbridge_sim.cli.tools.text import note, put, put_json
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.terminal_text import safe
-from rosbridge_sim.shell.config.loading import read_settings
-from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.loading import read_world
 from rosbridge_sim.shell.scene_film import FilmCamera, SceneFilm
 
 if TYPE_CHECKING:  # it is imported late, because few commands need it
@@ -32,8 +29,6 @@ STILL: Final = (*MOVING, ".jpg", ".jpeg")
 MAX_CLIP_PIXELS: Final = 150_000_000
 """Pixels of a clip, all its pictures together: Pillow keeps them until the end, 600 MB."""
 
-_VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
-
 _ENCODINGS: Final = {"rgb": "rgb8", "depth": "32FC1", "semantic": "mono8", "instance": "mono16"}
 """Picture of a camera -> encoding of its bytes."""
 
@@ -43,7 +38,7 @@ class FilmChoice:
     """A scene and a camera, as the user chose them.
 
     Attributes:
-        settings: of the world, as of a server.
+        words: flags of the world, as of a server.
         camera: name of the camera.
         size: of the pictures; None for that of the camera.
         ego: number of the ego.
@@ -55,7 +50,7 @@ class FilmChoice:
         is_json: print what was written as JSON.
     """
 
-    settings: Settings
+    words: Sequence[str]
     camera: str
     size: tuple[int, int] | None
     ego: int
@@ -65,15 +60,6 @@ class FilmChoice:
     out: Path
     quality: int
     is_json: bool
-
-
-def read_world(words: Sequence[str]) -> Settings:
-    """Return the settings of a world from flags, and from the environment as far as it is about scenarios and maps.
-
-    Raises:
-        SettingError: a value cannot be used.
-    """
-    return read_settings(words, {name: value for name, value in os.environ.items() if name in _VARIABLES})
 
 
 def film_shot(choice: FilmChoice) -> None:
@@ -133,7 +119,8 @@ def _check_suffix(path: Path, suffixes: Sequence[str]) -> None:
 
 def _film(choice: FilmChoice, frames: Sequence[int]) -> list[Image]:
     """Return a picture of each frame; fewer if a recording is over before, but at least one."""
-    camera = FilmCamera(choice.camera, choice.settings.sensors, choice.size)
+    settings = read_world(choice.words)
+    camera = FilmCamera(choice.camera, settings.sensors, choice.size)
     width, height = camera.size
     num_pixels = width * height * len(frames)
     if num_pixels > MAX_CLIP_PIXELS:
@@ -143,7 +130,7 @@ def _film(choice: FilmChoice, frames: Sequence[int]) -> list[Image]:
         )
     if len(frames) > 1 and camera.spec.picture != "rgb":
         raise SettingError(f"--camera: a clip needs a camera of colours; {choice.camera} shows {camera.spec.picture}")
-    film = SceneFilm(choice.settings, camera, ego=choice.ego, recording=choice.recording, is_driving=choice.is_driving)
+    film = SceneFilm(settings, camera, ego=choice.ego, recording=choice.recording, is_driving=choice.is_driving)
     pictures = []
     try:
         for i, frame in enumerate(frames):

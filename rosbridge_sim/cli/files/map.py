@@ -11,8 +11,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.files.verdicts import exit_code, put_lines, put_verdict, put_verdicts
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.cli.files.verdicts import draw, put_lines, put_verdict, put_verdicts, put_whole
+from rosbridge_sim.cli.tools.text import put, put_table
 from rosbridge_sim.errors import DocumentError, SettingError, file_errors
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.maps.map_check import describe_map, list_files
@@ -42,7 +42,7 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
         is_strict: remarks count like mistakes in the exit code.
 
     Returns:
-        The exit code; see `verdicts.exit_code`.
+        The exit code; see `put_verdicts`.
 
     Raises:
         DocumentError: there is no such folder, or the picture cannot be written.
@@ -52,19 +52,8 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
         raise SettingError(f"--picture: expected a single map to draw, got {len(folders):,}")
     if len(folders) == 1:
         account, road_map = _account(folders[0])
-        if picture is not None and road_map is not None:
-            from rosbridge_sim.shell.drawing.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
-
-            left_out = draw_map(road_map, Path(picture))
-            if left_out:
-                note(left_out)
-        elif picture is not None:
-            note("--picture: nothing is drawn, because the map has mistakes")
-        if is_json:
-            put_json(account)
-        else:
-            _show(account)
-        return exit_code(account, is_strict=is_strict)
+        draw(picture, "map", road_map)
+        return put_whole(account, _show, is_json=is_json, is_strict=is_strict)
     files = list(map(str, folders))
     return put_verdicts("map info", files, lambda file: _account(Path(file))[0], is_json=is_json, is_strict=is_strict)
 

@@ -7,17 +7,15 @@ another way than it is written. A file without either is *good*. A *note* tells 
 from __future__ import annotations
 
 import math
-import os
 import textwrap
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.files.verdicts import CheckReport, exit_code, put_lines, put_verdict, put_verdicts
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.cli.files.verdicts import CheckReport, draw, put_lines, put_verdict, put_verdicts, put_whole
+from rosbridge_sim.cli.tools.text import put, put_table
 from rosbridge_sim.errors import DocumentError, SettingError
-from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.map_check import UNREAD_FILES
@@ -41,7 +39,7 @@ from rosbridge_sim.scenarios.scenario_check import (
 )
 from rosbridge_sim.scenarios.scenario_model import UNTIL_EVENT
 from rosbridge_sim.scenarios.scenario_reader import sort_phases
-from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.config.loading import read_world
 from rosbridge_sim.shell.config.settings_file import looks_like_path
 from rosbridge_sim.shell.files.library import DiskLibrary, open_library
 from rosbridge_sim.shell.files.other_formats import LOOKED_AT, find_other_formats
@@ -51,9 +49,6 @@ from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import arc_lengths
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind
-
-_VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
-"""Environment variables about scenarios and maps. Mistakes in others do not matter to this command."""
 
 WIDTH: Final = 110
 """Width of lines with many keys, as in the help texts."""
@@ -66,15 +61,9 @@ _LISTS: Final = (
 _Report = dict[str, Any]  # a JSON object
 
 
-def _open_library(
-    own_map: str | None, folders: Sequence[str], own_models: str | None, story_flags: Sequence[str]
-) -> tuple[DiskLibrary, str | None]:
-    """Return the scenarios and maps of a server with these settings, and the map that replaces all others."""
-    flags = [f"--scenario-path={folder}" for folder in folders]
-    flags += [] if own_map is None else [f"--map={own_map}"]
-    flags += [] if own_models is None else [f"--catalogue={own_models}"]
-    flags += story_flags
-    settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
+def _open_library(words: Sequence[str]) -> tuple[DiskLibrary, str | None]:
+    """Return the scenarios and maps of a server with these flags, and the map that replaces all others."""
+    settings = read_world(words)
     library = open_library(settings)
     if settings.map is not None:
         library.map(settings.map)  # else its mistakes would be those of each file
@@ -82,49 +71,30 @@ def _open_library(
 
 
 def check_scenarios(
-    names: Sequence[str],
-    picture: str | None,
-    *,
-    map: str | None,  # noqa: A002 - the flag
-    scenario_path: Sequence[str],
-    catalogue: str | None,
-    param: Sequence[str],
-    ego_entity: str | None,
-    is_lenient: bool,
-    is_json: bool,
-    is_strict: bool,
+    names: Sequence[str], picture: str | None, words: Sequence[str], *, is_json: bool, is_strict: bool
 ) -> int:
     """Explain a scenario, or print the results of checks of several.
 
     Args:
         names: files, folders of them, or names of scenarios as for clients and `serve --scenario`.
         picture: file for a picture; allowed for a single scenario.
-        map: name or folder of a map that replaces those of the scenarios; None uses the environment.
-        catalogue: file of the user's models.
-        param, ego_entity, is_lenient: of files of OpenSCENARIO, as for `serve`.
+        words: flags of `serve` about scenarios, maps and models.
         is_strict: remarks count like mistakes in the exit code.
 
     Returns:
-        The exit code; see `verdicts.exit_code`.
+        The exit code; see `put_verdicts`.
 
     Raises:
         DocumentError: there is no such file, a setting cannot be used, or the picture cannot be written.
     """
-    flags = [*(f"--param={each}" for each in param), *([f"--ego-entity={ego_entity}"] if ego_entity else [])]
-    flags += ["--lenient"] if is_lenient else []
-    library, own_map = _open_library(map, scenario_path, catalogue, flags)
+    library, own_map = _open_library(words)
     files = [file for name in names for file in _expand(name, library)]
     if files == list(names) and len(files) == 1:
         account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)
-        if picture is not None and scenario is not None:
-            _draw(scenario, road_map, Path(picture))
-        elif picture is not None:
-            note("--picture: nothing is drawn, because the file has mistakes")
-        if is_json:
-            put_json(account)
-        else:
-            _show(account)
-        return exit_code(account, is_strict=is_strict)
+        if scenario is not None and road_map is None:
+            road_map = RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
+        draw(picture, "file", None if scenario is None else road_map, () if scenario is None else _spawns(scenario))
+        return put_whole(account, _show, is_json=is_json, is_strict=is_strict)
     if picture is not None:
         raise SettingError(f"--picture: expected a single scenario to draw, got {len(files):,}")
 
@@ -159,15 +129,6 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
 def _is_catalogue(path: Path) -> bool:
     """Return whether a file of OpenSCENARIO has no story, by its beginning."""
     return path.suffix == ".xosc" and b"<Catalog " in path.read_bytes()[:LOOKED_AT]
-
-
-def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
-    from rosbridge_sim.shell.drawing.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
-
-    ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
-    left_out = draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))
-    if left_out:
-        note(left_out)
 
 
 # The report

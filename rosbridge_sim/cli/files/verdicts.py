@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.cli.tools.text import note, put, put_json
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.scenario import Spawn
 
 CheckReport = Mapping[str, Any]
 """A JSON object with `file`, `mistakes` and `remarks`."""
@@ -17,9 +20,33 @@ MAX_LISTED: Final = 5
 """Mistakes and remarks of a file that are shown among many files; the command for a single file shows all."""
 
 
-def exit_code(account: CheckReport, *, is_strict: bool) -> int:
-    """Return 1 if a file has mistakes, or has remarks and they count; else 0."""
+def put_whole(account: CheckReport, show: Callable[[Any], None], *, is_json: bool, is_strict: bool) -> int:
+    """Print the result for a single file, and return the exit code; see `put_verdicts`.
+
+    Args:
+        show: prints all of it for people.
+    """
+    (put_json if is_json else show)(account)
     return int(bool(account["mistakes"] or (is_strict and account["remarks"])))
+
+
+def draw(picture: str | None, what: str, road_map: RoadMap | None, spawns: Sequence[Spawn] = ()) -> None:
+    """Draw a map and what stands on it, or print why not.
+
+    Args:
+        picture: path of the file; None draws nothing.
+        what: what has mistakes if there is no map.
+
+    Raises:
+        DocumentError: the picture cannot be written.
+    """
+    if picture is None:
+        return
+    from rosbridge_sim.shell.drawing.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
+
+    nothing = f"--picture: nothing is drawn, because the {what} has mistakes"
+    if left_out := nothing if road_map is None else draw_map(road_map, Path(picture), spawns):
+        note(left_out)
 
 
 def put_verdict(account: CheckReport) -> None:
@@ -40,7 +67,7 @@ def put_verdicts(
         is_strict: remarks count like mistakes.
 
     Returns:
-        The exit code for all files.
+        The exit code: 1 if a file has mistakes, or has remarks and they count; else 0.
     """
     counts = {"good": 0, "with remarks": 0, "with mistakes": 0}
     # If the results go to a file, the terminal shows the progress.

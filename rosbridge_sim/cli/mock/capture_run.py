@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import orjson
@@ -13,7 +14,7 @@ from rosbridge_sim.cli.tools.action import types_of_actions
 from rosbridge_sim.cli.tools.bag_play import json_reader
 from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store, read_texts
 from rosbridge_sim.cli.tools.text import Flow, demand_new, note, put_json, render, write_file
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, open_bridge
+from rosbridge_sim.cli.tools.tool_client import Bridge, Connect, Frame, absolute
 from rosbridge_sim.contracts.seen_system import SeenTopic
 from rosbridge_sim.documents.yaml_reading import MAX_YAML_BYTES, YamlDocument
 from rosbridge_sim.errors import DocumentError, PeerError
@@ -54,27 +55,32 @@ SUBSCRIBERS = """\
 """
 
 
+@dataclass
 class _Capture:
     """The parts of a system to capture.
 
     Attributes:
+        topics, services, calls, duration: see `capture_mock`.
         types: topic -> type of all topics that are wanted.
         seen: topic -> messages.
-        services, actions: name -> type.
+        offered, actions: services and actions, name -> type.
         answers: service -> its answer, as a mock's file has it.
     """
 
-    def __init__(self) -> None:
-        self.types: dict[str, str] = {}
-        self.seen: Mapping[str, SeenTopic] = {}
-        self.services: Mapping[str, str] = {}
-        self.actions: Mapping[str, str] = {}
-        self.answers: dict[str, JsonValue] = {}
-        self.transforms = SeenTransforms()
+    topics: Sequence[str]
+    services: Sequence[str]
+    calls: Sequence[str]
+    duration: float
+    types: dict[str, str] = field(default_factory=dict)
+    seen: Mapping[str, SeenTopic] = field(default_factory=dict)
+    offered: Mapping[str, str] = field(default_factory=dict)
+    actions: Mapping[str, str] = field(default_factory=dict)
+    answers: dict[str, JsonValue] = field(default_factory=dict)
+    transforms: SeenTransforms = field(default_factory=SeenTransforms)
 
-    def want(self, types: Mapping[str, str], patterns: Sequence[str]) -> None:
+    def want(self, types: Mapping[str, str]) -> None:
         """Choose the topics."""
-        self.types = {name: types[name] for name in chosen(types, patterns, OF_THE_MOCK)}
+        self.types = {name: types[name] for name in chosen(types, self.topics, OF_THE_MOCK)}
 
     def take_transforms(self, topic: str, now: float, message: Frame) -> None:
         """Take the transforms of a message, if it has some."""
@@ -91,7 +97,7 @@ class _Capture:
             "transforms": self.transforms.captured(),
             "services": {
                 name: {"type": kind, "answers": [self.answers.get(name) or {"value": _default(store, kind)}]}
-                for name, kind in self.services.items()
+                for name, kind in self.offered.items()
             },
             "actions": {name: {"type": kind} for name, kind in self.actions.items()},
         }
@@ -110,8 +116,7 @@ async def capture_mock(
     source: str,
     file: str,
     *,
-    token: str | None,
-    patience: float,
+    connect: Connect,
     topics: Sequence[str],
     services: Sequence[str],
     calls: Sequence[str],
@@ -124,8 +129,7 @@ async def capture_mock(
     Args:
         source: URL of a rosbridge, or path of a bag.
         file: path of the new file.
-        token: token of the server; None sends none.
-        patience: longest wait for an answer [s].
+        connect: opens the connection.
         topics, services: patterns of topics, and of services and actions; none of both means all but those of ROS
             itself.
         calls: services that are called without arguments.
@@ -138,12 +142,12 @@ async def capture_mock(
         RefusedError: there is no rosapi, or no such service.
     """
     demand_new(Path(file))
-    found, bag = _Capture(), _bag_of(source)
-    if bag is not None:
-        _read_bag(found, bag, topics, duration, read_texts(sources))
+    found, is_bag = _Capture(topics, services, calls, duration), _is_file(source)
+    if is_bag:
+        _read_bag(found, Path(source), read_texts(sources))
     else:
-        async with open_bridge(source, token, patience) as bridge:
-            await _watch(found, bridge, topics, services, calls=calls, duration=duration)
+        async with connect(source) as bridge:
+            await _watch(found, bridge)
     is_ros2 = any("/msg/" in kind for kind in found.types.values())
     ros = sources.ros or ("2" if is_ros2 else "1")
     store = open_store(DefinitionSources(sources.release, ros, sources.folders))
@@ -157,19 +161,19 @@ async def capture_mock(
         note(f"left out: {text}")
     if len(left_out) > MAX_NOTED:
         note(f"left out: {len(left_out) - MAX_NOTED:,} more")
-    shown = shown_url(source) if bag is None else source
+    shown = source if is_bag else shown_url(source)
     head = HEAD.format(source=render(shown), duration=duration, ros=" --ros 2" if ros == "2" else "")
     write_file(Path(file), head + mock_text(document))
     if is_json:
         put_json(document)
     else:
         note(f"{file}: " + ", ".join(f"{len(part):,} {key}" for key, part in document.items()))
-    if bag is None and topics and not services:
+    if not is_bag and topics and not services:
         note("no services and actions, because -t selects topics alone; -s '*' takes them, too")
 
 
-def _bag_of(source: str) -> Path | None:
-    return Path(source) if Path(source).exists() else None
+def _is_file(source: str) -> bool:
+    return Path(source).exists()
 
 
 def _size(value: JsonValue) -> int:
@@ -201,22 +205,14 @@ MAX_FLOW = 100
 """Longest object on one line [characters]."""
 
 
-async def _watch(
-    found: _Capture,
-    bridge: Bridge,
-    topics: Sequence[str],
-    services: Sequence[str],
-    *,
-    calls: Sequence[str],
-    duration: float,
-) -> None:
+async def _watch(found: _Capture, bridge: Bridge) -> None:
     """Watch a running system; see `capture_mock`."""
     types = await types_if_told(bridge)
-    patterns, is_all = [*services, *calls], not topics and not services  # patterns of one kind select nothing else
+    patterns, is_all = [*found.services, *found.calls], not found.topics and not found.services  # of one kind: no other
     there = await services_if_told(bridge, [] if is_all else patterns, OF_THE_MOCK) if is_all or patterns else {}
     if types is None or there is None:
         raise RefusedError("a mock cannot be captured without rosapi; a bag can be: rosbridge-sim record writes one")
-    for name in map(absolute, calls):
+    for name in map(absolute, found.calls):
         if name not in there:
             raise RefusedError(f"--call: no service {name} here{hint(name, there)}")
         answer = await bridge.call(name, {}, bridge.patience)
@@ -226,27 +222,27 @@ async def _watch(
             {"value": without_patterns(answer.values)} if answer.is_ok else {"fail": str(answer.values)[:MAX_FAIL]}
         )
     actions = {absolute(name): kind for name, kind in (await types_of_actions(bridge)).items()}
-    names = chosen(actions, services, OF_THE_MOCK) if is_all or services else []
+    names = chosen(actions, found.services, OF_THE_MOCK) if is_all or found.services else []
     found.actions = {name: actions[name] for name in names if actions[name] != "?"}
     of_actions = tuple(f"{name}/*" for name in found.actions)
-    found.services = {name: there[name] for name in chosen(there, ["*"], of_actions) if there[name]}
-    types = types if is_all or topics else {}
-    found.want({name: kind for name, kind in types.items() if chosen([name], [], of_actions)}, topics)
-    found.seen = await watch_topics(bridge, found.types, duration, found.take_transforms)
+    found.offered = {name: there[name] for name in chosen(there, ["*"], of_actions) if there[name]}
+    types = types if is_all or found.topics else {}
+    found.want({name: kind for name, kind in types.items() if chosen([name], [], of_actions)})
+    found.seen = await watch_topics(bridge, found.types, found.duration, found.take_transforms)
 
 
 MAX_FAIL = 500
 """Longest text of a failure in a mock's file [characters]."""
 
 
-def _read_bag(found: _Capture, path: Path, topics: Sequence[str], duration: float, texts: Texts) -> None:
+def _read_bag(found: _Capture, path: Path, texts: Texts) -> None:
     """Read the beginning of a bag; see `capture_mock`."""
     ros = 1 if path.suffix == ".bag" else 2
     types = BagTypes(texts, is_ros1=ros == 1)
     with open_reader(path) as bag:
         there = {one.topic: one for one in bag.connections if one.msgcount}
         kinds = {name: one.msgtype if ros != 1 else one.msgtype.replace("/msg/", "/") for name, one in there.items()}
-        found.want(kinds, topics)
+        found.want(kinds)
         readers = {}
         for name in found.types:
             try:
@@ -257,7 +253,7 @@ def _read_bag(found: _Capture, path: Path, topics: Sequence[str], duration: floa
         connections = [one for one in bag.connections if one.topic in readers]
         for connection, stamp_ns, raw in read_messages(bag, connections, path) if connections else ():
             at, name = (stamp_ns - bag.start_time) / 1e9, connection.topic
-            if at > duration:
+            if at > found.duration:
                 break
             message = json.loads(to_json(readers[name](raw)))  # without the library's arrays
             seen[name].add(at, message)

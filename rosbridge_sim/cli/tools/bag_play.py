@@ -29,30 +29,23 @@ class Selection:
         topics: names in the bag; empty means all.
         names: name in the bag -> another name.
         start, end: part of the bag, from its beginning [s].
+        rate: factor of the speed.
+        is_looping: begin again at the end.
     """
 
     topics: tuple[str, ...]
     names: Mapping[str, str]
     start: float
     end: float
+    rate: float
+    is_looping: bool
 
 
-async def play(
-    bridge: Bridge,
-    file: str,
-    selection: Selection,
-    sources: DefinitionSources,
-    *,
-    rate: float,
-    is_looping: bool,
-    is_json: bool,
-) -> None:
+async def play(bridge: Bridge, file: str, selection: Selection, sources: DefinitionSources, *, is_json: bool) -> None:
     """Publish the messages of a bag.
 
     Args:
         sources: definitions for a bag without its own.
-        rate: factor of the speed.
-        is_looping: begin again at the end.
         is_json: print the result as JSON on stdout, not as a line for people.
 
     Raises:
@@ -68,12 +61,12 @@ async def play(
         await player.advertise(chosen)
         note(f"playing {file}, {len(player.decoders)} of {len({one.topic for one in chosen})} topics; Ctrl-C ends it")
         while True:
-            begin, num_before = bridge.now() - selection.start / rate, player.num_sent
+            begin, num_before = bridge.now() - selection.start / selection.rate, player.num_sent
             for connection, stamp_ns, raw in read_messages(bag, chosen, path):
                 at = (stamp_ns - bag.start_time) / 1e9
                 if selection.start <= at <= selection.end:
-                    await player.publish(connection, raw, begin + at / rate)
-            if not is_looping or player.num_sent == num_before:
+                    await player.publish(connection, raw, begin + at / selection.rate)
+            if not selection.is_looping or player.num_sent == num_before:
                 break
     await player.settle()
     if is_json:

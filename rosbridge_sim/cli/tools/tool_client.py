@@ -8,10 +8,10 @@ Frames that answer no call wait in the inbox until a tool takes them.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 from rosbridge_sim.cli.tools.text import note
 from rosbridge_sim.client.asynchronous import AsyncClient
@@ -21,7 +21,7 @@ from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import shown_url
 
-__all__ = ["Bridge", "Frame", "ToolAnswer", "absolute", "answer_of", "frames_in", "open_bridge", "words"]
+__all__ = ["Bridge", "Connect", "Frame", "ToolAnswer", "absolute", "answer_of", "frames_in", "open_bridge", "words"]
 
 CALLS_AT_ONCE = 20
 """Calls that run at the same time: rosbridge_suite uses a thread for each."""
@@ -204,6 +204,9 @@ class Bridge:
             for call in calls:
                 call.cancel()
 
+
+Connect: TypeAlias = Callable[[str], AbstractAsyncContextManager[Bridge]]
+"""Opens a connection to a URL, as `open_bridge` does."""
 
 _LAST_WORD = 0.5
 """Extra time after the server's time-out to receive its error text [s]."""

@@ -7,7 +7,8 @@ import re
 import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 from rosbridge_sim.cli.tools.service import read_fields
 from rosbridge_sim.cli.tools.text import leaves, note, put, put_json, put_names, put_record, put_table, show
@@ -171,6 +172,7 @@ class Echo:
         is_csv: one line of all values per message, with commas between them.
         has_header: the same with a line of names first, and with the time of arrival, as `rostopic echo -p` has them.
         has_arrays, has_texts: print what is in lists, and texts.
+        field: print a part of each message; None means all of it.
     """
 
     is_json: bool = False
@@ -178,14 +180,15 @@ class Echo:
     has_header: bool = False
     has_arrays: bool = True
     has_texts: bool = True
+    field: FieldPath | None = None
 
-    def put(self, value: object, *, is_first: bool) -> None:
-        """Print a message, or a part of it.
+    def put(self, msg: Frame, *, is_first: bool) -> None:
+        """Print a message, or its part.
 
         Args:
             is_first: nothing was printed before.
         """
-        value = self._shortened(value)
+        value = self._shortened(msg if self.field is None else self.field.find(msg))
         if self.is_csv or self.has_header:
             found = list(leaves(value))
             if self.has_header and is_first:
@@ -204,21 +207,13 @@ class Echo:
 
 
 async def echo(
-    bridge: Bridge,
-    name: str,
-    type_name: str | None,
-    field: FieldPath | None,
-    count: int | None,
-    *,
-    patience: float | None,
-    form: Echo,
+    bridge: Bridge, name: str, type_name: str | None, count: int | None, *, patience: float | None, form: Echo
 ) -> None:
     """Print each message as it comes, up to a number.
 
     Args:
         name: name of the topic, or with the path of a field behind it, as in `rostopic echo /topic/field`.
         type_name: its type; None means that of an existing topic.
-        field: a part of each message; None means all of it.
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.
 
@@ -231,23 +226,23 @@ async def echo(
         try:
             msg = await listener.expect(patience)
         except NoTopicError:
-            topic, field = await _split_field(bridge, absolute(name), field)
+            topic, form = await _split_field(bridge, absolute(name), form)
             if not topic:
                 raise
             listener = await Listener.open(bridge, topic, None)
             continue
-        form.put(msg if field is None else field.find(msg), is_first=not num_printed)
+        form.put(msg, is_first=not num_printed)
         num_printed += 1
 
 
-async def _split_field(bridge: Bridge, name: str, field: FieldPath | None) -> tuple[str, FieldPath | None]:
-    """Return the topic and the field of a name with both; an empty topic if it is none."""
+async def _split_field(bridge: Bridge, name: str, form: Echo) -> tuple[str, Echo]:
+    """Return the topic of a name with a field behind it, and the form with that; an empty topic if it is none."""
     topics = [one for one in await types_of_topics(bridge) if name.startswith(f"{one}/")]
     topic = max(topics, key=len, default="")
-    try:
-        return (topic, FieldPath(name[len(topic) + 1 :].replace("/", "."))) if topic and field is None else ("", field)
-    except ValueError:
-        return "", field
+    with suppress(ValueError):
+        if topic and form.field is None:
+            return topic, replace(form, field=FieldPath(name[len(topic) + 1 :].replace("/", ".")))
+    return "", form
 
 
 class FieldPath:

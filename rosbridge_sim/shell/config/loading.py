@@ -9,9 +9,10 @@ The sources are read by `command_flags.py` and `settings_file.py`; `toml_output.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
@@ -58,6 +59,18 @@ def read_settings(
     if command == "mock run" and settings.mock is None:
         raise SettingError("mock run: expected the file of a mock, such as robot.yaml")
     return settings
+
+
+_WORLD_VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
+
+
+def read_world(argv: Sequence[str]) -> Settings:
+    """Return settings for commands about scenarios and maps: mistakes in variables about other things do not matter.
+
+    Raises:
+        SettingError: as for `read_settings`.
+    """
+    return read_settings(argv, {name: value for name, value in os.environ.items() if name in _WORLD_VARIABLES})
 
 
 def check_options(options: Mapping[str, object], find_more: FindMistakes = _find_none) -> Settings:

@@ -37,11 +37,7 @@ def read_mock(path: Path) -> YamlDocument:
     Raises:
         DocumentError: it cannot be read, is no YAML, or has nothing.
     """
-    content = read_bounded(path, MAX_YAML_BYTES)
-    try:
-        document = read_yaml(content.decode("utf-8-sig"), path.name)
-    except UnicodeDecodeError as error:
-        raise DocumentError(f"{path.name}: expected a text in UTF-8, got byte {content[error.start]:#04x}") from None
+    document = read_yaml(read_bounded(path, MAX_YAML_BYTES), path.name)
     if document.value is None:
         raise DocumentError(f"{path.name}: expected topics, services or other keys of a mock, got an empty file")
     return document

@@ -256,7 +256,7 @@ async def test_echo_reports_a_silent_server_and_goes_on_waiting(capsys: pytest.C
     silence = asyncio.Event()
     async with talking_server(handle) as url, open_bridge(url, None, float(SHORT)) as bridge:
         loop = asyncio.get_running_loop()
-        tool = asyncio.create_task(echo(bridge, "/chatter", None, None, 1, patience=None, form=Echo()))
+        tool = asyncio.create_task(echo(bridge, "/chatter", None, 1, patience=None, form=Echo()))
         await asked.wait()
         loop.call_later(4 * float(SHORT), silence.set)
         await tool
