@@ -36,7 +36,6 @@ from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED
 from rosbridge_sim.shell.page.map_page import MapPage
-from rosbridge_sim.shell.page.type_files import TypeFiles
 from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.scenario_shelf import DiskShelf
 from rosbridge_sim.shell.websocket.access import Access
@@ -261,7 +260,7 @@ def web_page_of(settings: Settings, loop: asyncio.AbstractEventLoop) -> WebPage 
     def make_store() -> Store:
         return Store(read_definitions(settings.release), leniency=LENIENCY, ros=settings.ros)
 
-    return WebPage(loop, TypeFiles(loop, make_store), settings.page_frame_ancestors)
+    return WebPage(loop, make_store, settings.page_frame_ancestors)
 
 
 def tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:

@@ -1,14 +1,12 @@
 """The documentation at `/docs/`: the pages and pictures of the package, read by a browser without any other host.
 
-Only names of a table are served, and it is made once. A page is made at its first request, in a thread, and kept: the
-files of an installed package do not change. Once all have been read, they take 2.6 MB of memory and have taken 0.7 s of
-CPU time.
+A page is made at its first request, in a thread, and kept: the files of an installed package do not change. Once all
+have been read, they take 2.6 MB of memory and have taken 0.7 s of CPU time.
 """
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import partial
 from itertools import groupby
 from pathlib import Path
@@ -16,7 +14,7 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.page.doc_files import DocPage, find_doc_pages, find_docs_folder
-from rosbridge_sim.shell.page.made_once import MadeOnce
+from rosbridge_sim.shell.page.made_once import FileTable
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 
 DOCS_PATH: Final = "/docs/"
@@ -30,34 +28,8 @@ _IMAGES: Final = {".svg": "image/svg+xml", ".png": "image/png", ".jpg": "image/j
 _GROUPS: Final = {"": "Pages", "guides": "Guides", "reference": "Reference", "decisions": "Decisions", "ko": "한국어"}
 """Headings of the list by folder, in their order."""
 
-_Table = Mapping[str, Callable[[], PageFile]]
-"""By path below `/docs/`: makes the file."""
 
-
-class DocSite:
-    """The documentation of one server."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Read nothing yet.
-
-        Args:
-            loop: where requests are answered.
-        """
-        self._table: MadeOnce[_Table] = MadeOnce(loop)
-        self._files: MadeOnce[PageFile] = MadeOnce(loop)
-
-    async def read(self, path: str) -> PageFile | None:
-        """Return a page or picture; None if there is none of this name.
-
-        Args:
-            path: path of the request, such as `/docs/guides/ci`.
-        """
-        name = path.removeprefix(DOCS_PATH)
-        make = (await asyncio.shield(self._table.ask("", _make_table))).get(name)
-        return None if make is None else await asyncio.shield(self._files.ask(name, make))
-
-
-def _make_table() -> _Table:
+def make_doc_table() -> FileTable:
     """Return all that is served; nothing in an installation without pages."""
     try:
         folder = find_docs_folder()

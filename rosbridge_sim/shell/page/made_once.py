@@ -1,13 +1,18 @@
-"""Values that threads make at the first request, one at a time, and that are kept."""
+"""Values and files that threads make at the first request, one at a time, and that are kept."""
 
 from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Generic, TypeVar
+from typing import Generic, TypeAlias, TypeVar
+
+from rosbridge_sim.shell.page.page_file import PageFile
+
+FileTable: TypeAlias = Mapping[str, Callable[[], PageFile]]
+"""By path below a folder: makes the file."""
 
 _Value = TypeVar("_Value")
 
@@ -42,3 +47,33 @@ class MadeOnce(Generic[_Value]):
             settle = partial(value.set_exception, error)
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(lambda: None if value.done() else settle())
+
+
+class Folder:
+    """Files below a path. Only names of a table are served, and it is made once, too."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, path: str, make_table: Callable[[], FileTable]) -> None:
+        """Read nothing yet.
+
+        Args:
+            loop: where requests are answered.
+            path: of the folder, such as `/docs/`.
+            make_table: makes the table, in a thread.
+        """
+        self._path = path
+        self._make_table = make_table
+        self._table: MadeOnce[FileTable] = MadeOnce(loop)
+        self._files: MadeOnce[PageFile] = MadeOnce(loop)
+
+    async def read(self, path: str) -> PageFile | None:
+        """Return a file; None if there is none of this name.
+
+        Args:
+            path: path of the request, such as `/docs/guides/ci`.
+
+        Raises:
+            Exception: the table or the file could not be made; the next request tries again.
+        """
+        name = path.removeprefix(self._path)
+        make = (await asyncio.shield(self._table.ask("", self._make_table))).get(name)
+        return None if make is None else await asyncio.shield(self._files.ask(name, make))

@@ -7,15 +7,16 @@ files of an installed package do not change.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from importlib.resources import files
-from typing import Final, Protocol
+from typing import Final
 
-from rosbridge_sim.shell.page.doc_site import DOCS_PATH, DocSite
-from rosbridge_sim.shell.page.made_once import MadeOnce
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.page.doc_site import DOCS_PATH, make_doc_table
+from rosbridge_sim.shell.page.made_once import Folder, MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
-from rosbridge_sim.shell.page.type_files import TYPES_PATH, TypeFiles
+from rosbridge_sim.shell.page.type_files import TYPES_PATH, make_type_table
 
 _FOLDER: Final = files("rosbridge_sim") / "page"
 
@@ -30,13 +31,6 @@ PATHS: Final = {
 """Source file and content type by path. No other file of the folder is served."""
 
 
-class Folder(Protocol):
-    """Files that are made at their first request."""
-
-    async def read(self, path: str) -> PageFile | None:
-        """Return a file; None if there is none of this name."""
-
-
 class WebPage:
     """The page of one server.
 
@@ -45,14 +39,18 @@ class WebPage:
         headers: rules for the browser, in the answer to each request.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, types: TypeFiles, frame_ancestors: Sequence[str] = ()) -> None:
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, make_store: Callable[[], Store], frame_ancestors: Sequence[str] = ()
+    ) -> None:
         """Read nothing yet.
 
         Args:
             loop: where requests are answered.
+            make_store: makes the store of the declared types, in a thread; nobody else may use it.
             frame_ancestors: origins whose pages may show this one in a frame.
         """
-        self.folders: Mapping[str, Folder] = {DOCS_PATH: DocSite(loop), TYPES_PATH: types}
+        docs, types = make_doc_table, partial(make_type_table, make_store)
+        self.folders = {DOCS_PATH: Folder(loop, DOCS_PATH, docs), TYPES_PATH: Folder(loop, TYPES_PATH, types)}
         self._files: MadeOnce[Mapping[str, PageFile]] = MadeOnce(loop)
         self.headers: Mapping[str, str] = {
             "Content-Security-Policy": f"{_POLICY}; frame-ancestors {' '.join(frame_ancestors) or _NOBODY}",

@@ -13,7 +13,7 @@ import pytest
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.shell.page import doc_files
-from rosbridge_sim.shell.page.doc_site import _make_table
+from rosbridge_sim.shell.page.doc_site import make_doc_table
 from scripts.check_site import find_loads_in_html
 from tests.shell.page.test_web_page import BROWSER, TOKEN, get
 from tests.support import ROOT
@@ -99,7 +99,7 @@ async def test_installation_without_pages_has_no_site(monkeypatch: pytest.Monkey
 
 @pytest.mark.slow
 def test_every_page_loads_from_the_server_alone_and_each_link_has_a_target() -> None:
-    table = _make_table()
+    table = make_doc_table()
     pages = {name: make().body.decode() for name, make in table.items() if not name.startswith("images/")}
     assert len(pages) == len(list(DOCS.rglob("*.md"))) + 1
     for name, html in pages.items():
