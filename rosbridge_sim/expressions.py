@@ -369,11 +369,8 @@ class _Builder:
             case ast.UnaryOp() | ast.BoolOp() | ast.IfExp():
                 return self._logic(node, depth + 1)
             case ast.BinOp(op=op) if type(op) in _BINARY:
-                function, left, right = (
-                    _BINARY[type(op)],
-                    self.build(node.left, depth + 1),
-                    self.build(node.right, depth + 1),
-                )
+                function = _BINARY[type(op)]
+                left, right = self.build(node.left, depth + 1), self.build(node.right, depth + 1)
                 return lambda values: _bounded(function(_number(left(values)), _number(right(values))))
             case ast.Compare():
                 return self._comparison(node, depth)

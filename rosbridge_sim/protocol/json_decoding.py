@@ -51,10 +51,8 @@ MAX_OPS = 10_000
 """Largest number of ops in one frame. Each op is done by itself, and clients that put ops together send only a few."""
 _ANSWER_OP = re.compile(r'"op"\s{0,8}:\s{0,8}"(service_response|action_result)"')
 _ANSWER_ID = re.compile(r'"id"\s{0,8}:\s{0,8}"((?:service_request|action_goal):[^"\\]{1,300})"')
-_OP, _SERVICE = (
-    re.compile(r'"op"\s{0,8}:\s{0,8}"([a-z_]{1,30})"'),
-    re.compile(r'"service"\s{0,8}:\s{0,8}"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,256})"'),
-)
+_OP = re.compile(r'"op"\s{0,8}:\s{0,8}"([a-z_]{1,30})"')
+_SERVICE = re.compile(r'"service"\s{0,8}:\s{0,8}"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,256})"')
 _MAX_ANSWER_IDS = 100
 _NAMED = 2_000
 """Characters at both ends of an unreadable frame that are searched for its op and its id."""

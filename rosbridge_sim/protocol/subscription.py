@@ -163,17 +163,15 @@ class MergedOptions:
         if self._bags is None:
             (only,) = self.by_id.values()
             return only
-        intervals, lengths, compressions, sizes = self._bags
-        interval, length, compression = intervals.get(), lengths.get(), compressions.get()
+        interval, length, rank, size = (bag.get() for bag in self._bags)
         assert interval is not None
         assert length is not None
-        assert compression is not None
-        size = sizes.get()
+        assert rank is not None
         return SubscriptionOptions(
             interval=interval,
             queue_length=-int(length),
             fragment_size=None if size is None else int(size),
-            compression=COMPRESSIONS[-int(compression)],
+            compression=COMPRESSIONS[-int(rank)],
         )
 
 
@@ -181,12 +179,11 @@ def _change(bags: tuple[Smallest, ...], old: SubscriptionOptions | None, new: Su
     """Replace the numbers of some options in each collection; they are negated if the largest one counts."""
     for options, act in ((old, Smallest.remove), (new, Smallest.add)):
         if options is not None:
-            intervals, lengths, compressions, sizes = bags
-            act(intervals, options.interval)
-            act(lengths, -options.queue_length)
-            act(compressions, -COMPRESSIONS.index(options.compression))
-            if options.fragment_size is not None:
-                act(sizes, options.fragment_size)
+            rank = COMPRESSIONS.index(options.compression)
+            numbers = (options.interval, -options.queue_length, -rank, options.fragment_size)
+            for bag, number in zip(bags, numbers, strict=True):
+                if number is not None:
+                    act(bag, number)
 
 
 def _nothing(_message: object) -> int:

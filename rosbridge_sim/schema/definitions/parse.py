@@ -340,9 +340,7 @@ class _Line(Record):
     def literal(self, base: str, at: int) -> str:
         """Return the text of a single default value, without quotes and comment."""
         text = self.line[at:].strip()
-        if base not in {"string", "wstring"}:
-            return text.partition("#")[0].strip()
-        if text[0] not in "'\"":
+        if base not in {"string", "wstring"} or text[0] not in "'\"":
             return text.partition("#")[0].strip()
         values = self.texts(text, at)
         if len(values) != 1:
@@ -371,22 +369,16 @@ class _Line(Record):
             if text.lower() not in {"true", "false", "1", "0"}:
                 self.fail(at, f"expected true or false, found {text!r}")
             return text.lower() in {"true", "1"}
-        if base in {"float32", "float64"}:
-            return self.convert_float(base, text, at)
+        is_float = base in {"float32", "float64"}
         try:
-            value = int(text, 10 if text.lstrip("+-")[:2].isdigit() else 0)
+            value = float(text) if is_float else int(text, 10 if text.lstrip("+-")[:2].isdigit() else 0)
         except ValueError:
             self.fail(at, f"expected a {base} value, found {text!r}")
+        if is_float:
+            if base == "float32" and MAX_FLOAT32 <= abs(value) < math.inf:
+                self.fail(at, f"{text} is out of the range of float32")
+            return value
         low, high = INT_RANGES.get(base) or _WORD_RANGES[base]
         if not low <= value <= high:
             self.fail(at, f"{value} is out of the range of {base}, {low} to {high}")
-        return value
-
-    def convert_float(self, base: str, text: str, at: int) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            self.fail(at, f"expected a {base} value, found {text!r}")
-        if base == "float32" and MAX_FLOAT32 <= abs(value) < math.inf:
-            self.fail(at, f"{text} is out of the range of float32")
         return value

@@ -15,19 +15,6 @@ from typing import Final
 from rosbridge_sim.packaged import read_packaged
 from rosbridge_sim.schema.definitions.names import Generation
 
-_SHARED: Final = frozenset(
-    {"actionlib_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "shape_msgs"}
-    | {"std_msgs", "stereo_msgs", "trajectory_msgs", "visualization_msgs", "example_interfaces"}
-)
-
-PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
-    1: _SHARED | {"actionlib", "bond", "dynamic_reconfigure", "roscpp"},
-    2: _SHARED
-    | {"action_msgs", "builtin_interfaces", "lifecycle_msgs", "rcl_interfaces", "rmw_dds_common", "rosbag2_interfaces"}
-    | {"service_msgs", "statistics_msgs", "tf2_msgs", "type_description_interfaces", "unique_identifier_msgs"},
-}
-"""The packages of each generation. A test compares them with rosbags."""
-
 WITHOUT_SERVICES: Final = frozenset({"rosbag2_interfaces"})
 """Packages whose services exist but are not in `schemas/`; they count as unknown."""
 
@@ -73,6 +60,11 @@ _OF_ROS2: Final = _texts_of("ros2")
 _INSTEAD: Final = _texts_of("instead", "ros2")
 _OTHER: Final[Mapping[Generation, Generation]] = {1: 2, 2: 1}
 _OWN: Final[Mapping[Generation, Mapping[str, str]]] = {1: _texts_of("ros1"), 2: _OF_ROS2}
+
+PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
+    ros: frozenset(name.partition("/")[0] for name in (_EXAMPLES, *_OF_BOTH, *texts)) for ros, texts in _OWN.items()
+}
+"""The packages of each generation. A test compares them with rosbags."""
 
 
 def _text(ros: Generation, package: str, name: str) -> str | None:

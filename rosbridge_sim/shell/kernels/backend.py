@@ -12,6 +12,7 @@ import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from threading import Lock, Thread
 from typing import Final
 
@@ -65,24 +66,18 @@ def start_kernels() -> Thread | None:
     compiler = find_compiler(os.environ)
     if not compiler:
         return None
-    from rosbridge_sim.shell.kernels.compiler import (  # noqa: PLC0415 - see above
-        NoKernelsError,
-        cache_folder,
-        is_whole,
-        library_path,
-        read_source,
-    )
+    from rosbridge_sim.shell.kernels import compiler as building  # noqa: PLC0415 - see above
 
-    source = read_source()
+    source = building.read_source()
     try:
-        path = library_path(source, compiler, cache_folder(os.environ))
-    except NoKernelsError as error:
+        path = building.library_path(source, compiler, building.cache_folder(os.environ))
+    except building.NoKernelsError as error:
         _warn(error)
         return None
-    if is_whole(path):
-        _take(source, (), str(path))
+    if building.is_whole(path):
+        _take(source, (), path)
         return None
-    thread = Thread(target=_take, args=(source, compiler, str(path)), name="kernels", daemon=True)
+    thread = Thread(target=_take, args=(source, compiler, path), name="kernels", daemon=True)
     thread.start()
     return thread
 
@@ -91,21 +86,15 @@ def _warn(error: Exception) -> None:
     _log.warning("vehicles on lanes are driven by numpy, which is slower: %s", str(error)[:_MOST_TOLD])
 
 
-def _take(source: str, compiler: Sequence[str], path: str) -> None:
+def _take(source: str, compiler: Sequence[str], path: Path) -> None:
     """Take a library, which the compiler makes first unless it is empty."""
-    from pathlib import Path  # noqa: PLC0415 - as above
-
-    from rosbridge_sim.shell.kernels.compiler import (  # noqa: PLC0415 - as above
-        NoKernelsError,
-        compile_library,
-        take_library,
-    )
+    from rosbridge_sim.shell.kernels import compiler as building  # noqa: PLC0415 - as above
 
     try:
         if compiler:
-            compile_library(source, compiler, Path(path))
-        take_library(Path(path))
-    except NoKernelsError as error:
+            building.compile_library(source, compiler, path)
+        building.take_library(path)
+    except building.NoKernelsError as error:
         _warn(error)
         return
     _Backend.name = "compiled"

@@ -17,7 +17,6 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from itertools import takewhile
-from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
@@ -90,7 +89,7 @@ class ServerTopics(Participant):
         self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients")
         self._topics = self._advertise(topics, "rosbridge_sim_msgs/Topics")
         self._topic_report = TopicReport(bus, policy)
-        self._log = _LogTopic(self, log_topic, bus.store.ros, loop)
+        self._log = _LogTopic(self, log_topic, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
         self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1)
         self._refusals = RefusalLog(loop) if refusals is None else refusals
@@ -214,11 +213,9 @@ class ServerTopics(Participant):
 class _LogTopic(logging.Handler):
     """Sends log records to `/rosout`."""
 
-    def __init__(
-        self, reports: ServerTopics, topic: Topic, ros: Literal[1, 2], loop: asyncio.AbstractEventLoop
-    ) -> None:
+    def __init__(self, reports: ServerTopics, topic: Topic, loop: asyncio.AbstractEventLoop) -> None:
         super().__init__(logging.INFO)
-        self._ros = ros
+        self._ros = reports.bus.store.ros
         self._reports = reports
         self._topic = topic
         self._loop = loop
