@@ -51,7 +51,8 @@ def why_not_writable(folder: Path, error: OSError | None = None) -> str:
 def _say_no_access(place: Path) -> str:
     if not hasattr(os, "geteuid"):  # Windows has no user number
         return f"this user has no write access to {place}; name another folder"
-    user, owner = os.geteuid(), ""
+    user = os.geteuid()
+    owner = ""
     with suppress(OSError):
         status = place.stat()
         owner = f" (owner {status.st_uid}, mode {stat.S_IMODE(status.st_mode):03o})"

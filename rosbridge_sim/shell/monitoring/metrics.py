@@ -133,8 +133,9 @@ class Metrics:
 
         yield InfoMetricFamily("rosbridge_sim_build", "Version of the server.", {"version": __version__})
         yield from self._of_clients()
-        text, ages = "How old topic messages are when a bridge handles them.", self._ages(self._loop.time())
-        yield _fill(GaugeMetricFamily("rosbridge_sim_bridge_age_seconds", text, labels=["bridge"]), ages)
+        text = "How old topic messages are when a bridge handles them."
+        ages = GaugeMetricFamily("rosbridge_sim_bridge_age_seconds", text, labels=["bridge"])
+        yield _fill(ages, self._ages(self._loop.time()))
         yield _counter("faults", "Internal errors of the server, each with a traceback in its log.", self._num_bugs())
         if self._node is not None:
             yield from self._of_world(self._node)

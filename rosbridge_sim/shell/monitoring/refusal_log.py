@@ -87,9 +87,15 @@ class Noted:
             show: writes texts of clients.
         """
         request = self.request
-        said = {"client": request.client, "reason": request.reason.value, "op": request.op}
-        texts = {"subject": show(request.subject), "text": show(request.text)}
-        return {"frame": self.frame, **said, **texts, "count": min(self.count, MAX_COUNT)}
+        return {
+            "frame": self.frame,
+            "client": request.client,
+            "reason": request.reason.value,
+            "op": request.op,
+            "subject": show(request.subject),
+            "text": show(request.text),
+            "count": min(self.count, MAX_COUNT),
+        }
 
 
 class RefusalLog:

@@ -49,8 +49,10 @@ class WebPage:
             make_store: makes the store of the declared types, in a thread; nobody else may use it.
             frame_ancestors: origins whose pages may show this one in a frame.
         """
-        docs, types = make_doc_table, partial(make_type_table, make_store)
-        self.folders = {DOCS_PATH: Folder(loop, DOCS_PATH, docs), TYPES_PATH: Folder(loop, TYPES_PATH, types)}
+        self.folders = {
+            DOCS_PATH: Folder(loop, DOCS_PATH, make_doc_table),
+            TYPES_PATH: Folder(loop, TYPES_PATH, partial(make_type_table, make_store)),
+        }
         self._files: MadeOnce[Mapping[str, PageFile]] = MadeOnce(loop)
         self.headers: Mapping[str, str] = {
             "Content-Security-Policy": f"{_POLICY}; frame-ancestors {' '.join(frame_ancestors) or _NOBODY}",

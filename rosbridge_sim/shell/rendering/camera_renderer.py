@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,7 +104,8 @@ class CameraRenderer:
         camera, view, back = sight
         targets = self._target(camera, SAMPLES if choices.is_smooth else 0)
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
-        rgb, rest = None, {}
+        rgb = None
+        rest: dict[Channel, NDArray[Any]] = {}
         if Channel.RGB in channels:
             programs = self._programs(choices, frame, view, eye, static.origin)
             targets.begin_colours(look.horizon)
@@ -121,7 +122,7 @@ class CameraRenderer:
             self._moving.draw(movers, self._classes)
             cells.draw(parts, dict.fromkeys(Coat, self._classes))
             rest = {channel: targets.read(channel) for channel in channels & ~Channel.RGB}
-        return Picture(rgb, *map(rest.get, (Channel.DEPTH, Channel.LABEL, Channel.INSTANCE)))
+        return Picture(rgb, rest.get(Channel.DEPTH), rest.get(Channel.LABEL), rest.get(Channel.INSTANCE))
 
     def close(self) -> None:
         """Free the memory of the graphics library."""

@@ -131,7 +131,8 @@ class _Runs:
         low = np.minimum.reduceat(places, self.first) if len(first) else np.zeros((0, 3))
         high = np.maximum.reduceat(places, self.first) if len(first) else np.zeros((0, 3))
         self._middle, self._radius = 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
-        self._reach, self._later = reach, later
+        self._reach = reach
+        self._later = later
 
     def visible(self, view: FloatArray, eye: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """Return which runs are in view, the nearest first, and their distances [m].
