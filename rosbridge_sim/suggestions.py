@@ -7,7 +7,7 @@ number of common pairs of letters. A suggestion among 300 names takes 0.3 ms, an
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from itertools import islice, pairwise
 
@@ -24,6 +24,9 @@ NUM_COMPARED = 3
 
 MAX_SUGGESTED = 12
 """Names in a list: one or two lines of a terminal."""
+
+MAX_NAMED = 3
+"""Names that a line lists before it only counts the rest."""
 
 MAX_NAME_SHOWN = 60
 """Characters of a name in a list, because known names may come from clients."""
@@ -102,6 +105,12 @@ def listing(names: Iterable[str]) -> str:
     escaped = [printable(name[: 2 * MAX_NAME_SHOWN]) for name in first[:MAX_SUGGESTED]]
     shown = [name if len(name) <= MAX_NAME_SHOWN else name[:MAX_NAME_SHOWN] + "..." for name in escaped]
     return ", ".join([*shown, "..."] if len(first) > MAX_SUGGESTED else shown)
+
+
+def name_some(names: Sequence[str]) -> str:
+    """Return the first three names of a list, and how many more there are: `/a, /b, /c and 4 more`."""
+    shown, more = ", ".join(names[:MAX_NAMED]), len(names) - MAX_NAMED
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 @lru_cache(maxsize=1_024)  # known names are used again and again; at most 7 MB if clients fill it with long names

@@ -51,7 +51,7 @@ graph.tf: * graph schema
 graph.rosapi_services: * graph protocol schema schema.definitions
 graph.attach: * graph protocol schema schema.definitions
 graph.gateway: * graph schema
-graph.ros1: * graph graph.gateway schema schema.definitions
+graph.ros1: * graph graph.gateway protocol schema schema.definitions
 graph.ros2: * graph graph.gateway schema schema.definitions
 # the world
 world.geometry: records
@@ -139,7 +139,8 @@ shell.page: * schema simulator.markers simulator.plain simulator.sim_services ve
 shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell.kernels shell.page shell.transport version
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
-shell.ros1: * graph graph.gateway graph.ros1 morai schema shell.clocks shell.config shell.files shell.websocket
+shell.ros1: * graph graph.gateway graph.ros1 morai protocol schema shell.clocks shell.config shell.files
+    shell.websocket
 shell.ros2: * graph graph.gateway graph.ros2 graph.rosapi_services morai schema shell.clocks shell.config shell.files
 shell: * graph graph.attach graph.rosapi_services graph.tf link maps morai protocol scenarios scenery schema
     shell.bags shell.clocks shell.config shell.drawing shell.files shell.kernels shell.mocking shell.monitoring

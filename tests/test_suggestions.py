@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rosbridge_sim.suggestions import MAX_CACHED, MAX_COMPARED_NAME, find_misspelt, hint, listing
+from rosbridge_sim.suggestions import MAX_CACHED, MAX_COMPARED_NAME, find_misspelt, hint, listing, name_some
 
 
 @pytest.mark.parametrize(
@@ -75,3 +75,8 @@ def test_listing_has_at_most_twelve_names_and_cuts_long_ones() -> None:
 def test_half_surrogate_pairs_are_escaped() -> None:
     assert listing(["a\ud800", "é"]) == "a\\ud800, é"
     assert hint("camera\ud800", ["camera\ud801"]).isprintable()
+
+
+def test_long_list_of_names_is_cut() -> None:
+    assert name_some(["a", "b"]) == "a, b"
+    assert name_some(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"

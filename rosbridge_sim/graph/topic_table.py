@@ -15,8 +15,8 @@ from rosbridge_sim.graph.bus_state import BusState, earliest
 from rosbridge_sim.graph.participant import Notify, Participant, resolve
 from rosbridge_sim.graph.topics_services import Deliver, Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
-from rosbridge_sim.graph.unheard import UnheardTopics
-from rosbridge_sim.graph.unpublished import UnpublishedTopics
+from rosbridge_sim.graph.unheard import MAX_TOLD_PUBLISHERS, MAX_WATCHED_PUBLISHERS, UNHEARD_AFTER, is_heard
+from rosbridge_sim.graph.unpublished import UnpublishedTopics, WatchedTopics
 from rosbridge_sim.protocol.body_limits import BodyLimits
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
@@ -46,7 +46,9 @@ class TopicTable:
         """
         self.by_name = by_name
         self.unpublished = UnpublishedTopics(state.agenda)
-        self.unheard = UnheardTopics(state.agenda)
+        self.unheard: WatchedTopics[tuple[Participant, Topic]] = WatchedTopics(
+            state.agenda, UNHEARD_AFTER, MAX_WATCHED_PUBLISHERS, MAX_TOLD_PUBLISHERS, is_heard
+        )
         self._state = state
         self._types = types
         self._orphans: dict[Topic, None] = {}

@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from itertools import islice
 
-from rosbridge_sim.graph.bus_state import Agenda
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.graph.unpublished import WatchedTopics
 from rosbridge_sim.suggestions import find_misspelt
 
 UNHEARD_AFTER = 5.0
@@ -32,13 +30,6 @@ MAX_LENGTH_DIFFERENCE = 4
 """A misspelt name is longer or shorter by so many characters, at most: two slips and two separators."""
 
 _SEPARATORS = str.maketrans("", "", "_-/")
-
-
-class UnheardTopics(WatchedTopics[tuple[Participant, Topic]]):
-    """Advertisements that began without a subscriber, with their publisher, oldest first."""
-
-    def __init__(self, agenda: Agenda) -> None:
-        super().__init__(agenda, UNHEARD_AFTER, MAX_WATCHED_PUBLISHERS, MAX_TOLD_PUBLISHERS, is_heard)
 
 
 def is_heard(topic: Topic) -> bool:

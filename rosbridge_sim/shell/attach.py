@@ -15,7 +15,6 @@ import errno
 import ipaddress
 import logging
 import math
-import socket
 from collections.abc import Callable, Sequence
 from urllib.parse import urlsplit
 
@@ -30,7 +29,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.link.client_connection import DialedConnection, why_gone, why_not
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.urls import port_of, shown_url
-from rosbridge_sim.shell.websocket.dns import HostLookup
+from rosbridge_sim.shell.websocket.dns import HostLookup, is_own
 
 FIRST_WAIT = 0.5
 """Wait after the first failed attempt, or after a good connection [s]."""
@@ -392,17 +391,6 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
         # 0.0.0.0 cannot be dialled: the system uses loopback instead
         if address in ours or (address.is_unspecified and any(one.is_loopback or one.is_unspecified for one in ours)):
             return True
-        if is_everywhere and _is_local(address):
+        if is_everywhere and is_own(str(address)):
             return True
     return False
-
-
-def _is_local(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Return True if an address belongs to this machine: only such an address can be bound."""
-    family = socket.AF_INET if address.version == 4 else socket.AF_INET6  # noqa: PLR2004 - IP's versions
-    with socket.socket(family, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind((str(address), 0))
-        except OSError:
-            return False
-    return True

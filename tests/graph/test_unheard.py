@@ -9,7 +9,7 @@ from types import FrameType
 
 import pytest
 
-from rosbridge_sim.graph import unheard
+from rosbridge_sim.graph import topic_table
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.peers.peer_topics import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
@@ -124,7 +124,7 @@ def test_hint_does_not_name_denied_topics() -> None:
 
 def test_hints_for_many_publishers_are_spread_and_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     num_watched = 2 * MAX_OF_CLIENT  # in place of MAX_WATCHED_PUBLISHERS: enough for more than one client
-    monkeypatch.setattr(unheard, "MAX_WATCHED_PUBLISHERS", num_watched)
+    monkeypatch.setattr(topic_table, "MAX_WATCHED_PUBLISHERS", num_watched)
     names = [f"/topic_{chr(97 + i // 26)}{chr(97 + i % 26)}_long" for i in range(MAX_OF_CLIENT + 10)]
     bus = listened(*names)
     clients = [talker(bus) for _ in range(num_watched // len(names) + 2)]

@@ -15,12 +15,10 @@ from typing import Final, Literal
 
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.protocol.ops import Status
+from rosbridge_sim.suggestions import name_some
 
 MAX_LINES, PERIOD = 10, 10.0
 """At most so many lines about the remote bridge's messages in so many seconds."""
-
-MAX_NAMES_SHOWN: Final = 3
-"""Names that a line lists before it only counts the rest."""
 
 MAX_DIAGNOSTIC: Final = 500
 """Longest line [characters]."""
@@ -199,7 +197,7 @@ class Diagnostics:
             f"attached: {num_topics} topics and {num_services} services announced, {num_inputs} topics subscribed",
         )
         if self.taken_services:
-            names = _listed(self.taken_services)
+            names = name_some(self.taken_services)
             self.log_once(f"it already has {names}, from another or an earlier program; ours replace them")
             self.taken_services.clear()
 
@@ -236,13 +234,13 @@ class Diagnostics:
             if len(lacking) == sum(_package(key) == package for key in announced):
                 self._report_missing_package(package, ours)
             else:
-                names = _listed([f"{name} ({type_name})" for _, name, type_name in lacking])
+                names = name_some([f"{name} ({type_name})" for _, name, type_name in lacking])
                 self.log_once(
                     f"it does not have {names}: its {package} may be another release, or its globs deny these names"
                 )
 
     def _report_missing_package(self, package: str, ours: Collection[ItemKey]) -> None:
-        names = _listed([key[1] for key in ours if _package(key) == package])
+        names = name_some([key[1] for key in ours if _package(key) == package])
         self.log_once(
             f"it does not know the package {package}, so it lacks {names}: build the package on its machine, and"
             " restart it"
@@ -281,9 +279,3 @@ def plain_type(type_name: str) -> str:
         type_name: the name, as ROS 1 or ROS 2 spells it.
     """
     return type_name.replace("/msg/", "/")
-
-
-def _listed(names: Sequence[str]) -> str:
-    """Return names as text: `/a, /b, /c and 4 more`."""
-    more = len(names) - MAX_NAMES_SHOWN
-    return ", ".join(names[:MAX_NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")

@@ -19,6 +19,7 @@ from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
 from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.typedefs import TypeDef, typedefs
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.suggestions import name_some
 
 _END_OF_NAME: Final = re.compile(r"[\[<>, ]")
 """First character behind the name of a type: of its length, or of what a sequence holds."""
@@ -102,7 +103,7 @@ class ReleaseCheck:
             return
         fitting = [name for name, store in self.releases().items() if not _differing(theirs, store)]
         advice = f"use --release {fitting[0]}" if fitting else "no release here fits; give its package by --schema-path"
-        shown = ", ".join(differing[:3]) + (f" and {len(differing) - 3} more" if len(differing) > 3 else "")  # noqa: PLR2004 - a line
+        shown = name_some(differing)
         text = f"its {PACKAGE} has other fields than ours in {shown}, so its programs get no such messages: {advice}"
         self._diagnostics.log_once(text)
         self.on_mismatch(text)

@@ -10,10 +10,10 @@ from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import HIDDEN, Action
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import FarGraph, FarNodes, FarService, Found
-from rosbridge_sim.graph.gateway.sentences import name_some
 from rosbridge_sim.graph.participant import OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, is_allowed
 from rosbridge_sim.graph.topics_services import Service
+from rosbridge_sim.suggestions import name_some
 
 
 class FarOffers(FarNodes[Found], ABC):

@@ -22,12 +22,13 @@ from rosbridge_sim.graph.actions import HIDDEN
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.gateway.far_graph import Endpoint, FarGraph, FarNode, FarNodes, Type
 from rosbridge_sim.graph.gateway.quality import Quality
-from rosbridge_sim.graph.gateway.sentences import name_some, node_text
+from rosbridge_sim.graph.gateway.sentences import node_text
 from rosbridge_sim.graph.participant import NodeRole, OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, Rule, is_allowed
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.suggestions import name_some
 
 MAX_TOPICS: Final = 1_000
 """Most topics in each direction. Every program there is told of every endpoint, so more would be a burden to all."""

@@ -82,7 +82,8 @@ class NodeServices(FarOffers[FarServiceType]):
             far_call: calls services of nodes. The others are those of `FarNodes`.
         """
         super().__init__(graph, bus, find, policy)
-        self._known, self._check_use = bus.services, policy.check_call
+        self._known = bus.services
+        self._check_use = policy.check_call
         self.callers: dict[str, CallingNode] = {}
         self.on_change: Callable[[], None] = lambda: None
         self.check_request: Callable[[str, Call], None] = lambda _name, _call: None

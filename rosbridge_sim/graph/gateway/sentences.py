@@ -1,9 +1,8 @@
-"""Sentences about nodes and names on a graph, and the log that has each of them once."""
+"""Sentences about nodes on a graph, and the log that has each of them once."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from typing import Final
 
 from rosbridge_sim.printable import printable
@@ -19,12 +18,6 @@ def node_text(node: str, program: str) -> str:
     """Return the text for a node in messages: its name, if it is known, and the GUID of its program."""
     known = f"GUID {program}" if program else ""
     return f"{node} ({known})" if node and known else node or (f"a program ({known})" if known else "a program there")
-
-
-def name_some(names: Sequence[str], most: int = 3) -> str:
-    """Return the first names of a list, and how many more there are."""
-    shown, more = ", ".join(names[:most]), len(names) - most
-    return f"{shown} and {more} more" if more > 0 else shown
 
 
 class OnceLog:

@@ -8,10 +8,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from rosbridge_sim.graph.gateway.finding import Finding, judge
-from rosbridge_sim.graph.gateway.sentences import name_some
 from rosbridge_sim.graph.ros1.master_view import MasterView, Registration
 from rosbridge_sim.graph.ros1.ros1_graph import ONE_TOO_MANY
 from rosbridge_sim.records import Record
+from rosbridge_sim.suggestions import name_some
 
 CLOCK = "/clock"
 

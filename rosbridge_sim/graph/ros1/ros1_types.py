@@ -39,12 +39,21 @@ class Ros1Type:
     """
 
     def __init__(self, message_type: MessageType, ros1: MessageType, readers: RosReaders) -> None:
+        """Find whether messages can pass.
+
+        Raises:
+            FieldError: the type has other fields in the other generation.
+        """
         self.name = ros1.name
         self.type = message_type
         self.has_same_bytes = message_type is ros1
         self._ros1 = ros1
         self._readers = readers
         self.md5 = message_md5(ros1.spec)
+        try:
+            self.decode(self.encode(Message(self.type, self.type.default())), 0)
+        except PeerError as error:
+            raise FieldError(f"{self.name} has other fields in ROS 1; it passes with --ros 1: {error}") from None
 
     def encode(self, message: Message) -> bytes:
         """Return the bytes of a message, made once for all who want them.
@@ -64,17 +73,6 @@ class Ros1Type:
         """
         value = self._readers.read(self._ros1.spec, raw)
         return value if self.has_same_bytes else self.type.decode_json(self._ros1.encode_json(value), stamp_ns)
-
-    def check(self) -> None:
-        """Find now whether messages can pass.
-
-        Raises:
-            FieldError: the type has other fields in the other generation.
-        """
-        try:
-            self.decode(self.encode(Message(self.type, self.type.default())), 0)
-        except PeerError as error:
-            raise FieldError(f"{self.name} has other fields in ROS 1; it passes with --ros 1: {error}") from None
 
 
 class Ros1Types:
@@ -109,9 +107,8 @@ class Ros1Types:
         canonical = self._ros1.canonical(name)
         known = self._types.get(canonical)
         if known is None:
-            known = Ros1Type(self._store.message(canonical), self._ros1.message(canonical), self._readers)
-            known.check()
-            self._types[canonical] = known
+            here, there = self._store.message(canonical), self._ros1.message(canonical)
+            known = self._types[canonical] = Ros1Type(here, there, self._readers)
         return known
 
     def find_service(self, name: str) -> FarServiceType:
@@ -124,8 +121,6 @@ class Ros1Types:
             own, there = self._store.service(canonical), self._ros1.service(canonical)
             request = Ros1Type(own.request, there.request, self._readers)
             response = Ros1Type(own.response, there.response, self._readers)
-            request.check()
-            response.check()
             md5 = service_md5(there.request.spec, there.response.spec)
             known = self._services[canonical] = FarServiceType(canonical, request, response, md5)
         return known

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.protocol.client_memory import Account
 
 MAX_HEADER: Final = 2**18
 """Longest header [bytes]: the definition of the longest real type in it has 40 kB."""
@@ -59,28 +60,6 @@ def read_header(data: bytes) -> dict[str, str]:
     return fields
 
 
-class Room:
-    """Memory for all messages and requests that have not come whole yet; it is taken by the bytes that have come.
-
-    Attributes:
-        left: what is free [bytes].
-    """
-
-    def __init__(self, left: int) -> None:
-        self.left = left
-
-    def take(self, size: int) -> bool:
-        """Take memory; return False if there is not enough."""
-        if size > self.left:
-            return False
-        self.left -= size
-        return True
-
-    def give(self, size: int) -> None:
-        """Give memory back."""
-        self.left += size
-
-
 class MessageCutter:
     """Cuts a stream of bytes into messages; one that is too long is skipped, and takes no memory.
 
@@ -88,7 +67,7 @@ class MessageCutter:
         num_skipped: messages that were too long.
     """
 
-    def __init__(self, max_size: int, room: Room) -> None:
+    def __init__(self, max_size: int, room: Account) -> None:
         """Start at the length of a message.
 
         Args:

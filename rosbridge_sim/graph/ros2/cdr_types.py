@@ -178,7 +178,7 @@ class CdrTypes:
     def _make(self, message_type: MessageType, cdr_type: MessageType) -> CdrType:
         name = message_type.name
         cdr_type.encode_raw(cdr_type.default())  # raises now if ROS 2 cannot write the type
-        types = _types_by_name(cdr_type.spec)
+        types: Typesdict = {name: ([], fields) for name, fields in _types_in(cdr_type.spec)}
         is_same = layout_of(message_type.spec) == layout_of(cdr_type.spec)
         if not is_same:
             try:
@@ -201,16 +201,8 @@ _TIMES: Final = {"time": "builtin_interfaces/msg/Time", "duration": "builtin_int
 _TIME_FIELDS: Final[Fielddefs] = [("sec", (Nodetype.BASE, ("int32", 0))), ("nanosec", (Nodetype.BASE, ("uint32", 0)))]
 
 
-def _types_by_name(spec: MessageSpec) -> Typesdict:
-    """Return a type and all types in it, by the names of ROS 2: `pkg/msg/Type` -> no constants, and the fields.
-
-    Args:
-        spec: a type of a store of ROS 2.
-    """
-    return {name: ([], found) for name, found in _types_in(spec)}
-
-
 def _types_in(spec: MessageSpec) -> Iterator[tuple[str, Fielddefs]]:
+    """Yield a type of a store of ROS 2 and all types in it: `pkg/msg/Type`, and the fields."""
     names = {name: other for other, name in ros2_names(spec.fields).items()}
     yield (
         spelled(spec.name, "msg", 2),

@@ -12,8 +12,9 @@ from typing import Final, Literal
 
 from rosbridge_sim.graph.gateway.finding import Finding, judge
 from rosbridge_sim.graph.gateway.quality import Quality, why_unheard
-from rosbridge_sim.graph.gateway.sentences import name_some, node_text
+from rosbridge_sim.graph.gateway.sentences import node_text
 from rosbridge_sim.records import Record
+from rosbridge_sim.suggestions import name_some
 
 Discovery = Literal["localhost", "multicast"]
 """Range in which a program looks for others; see `--ros2-discovery`."""

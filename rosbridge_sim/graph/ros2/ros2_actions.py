@@ -91,7 +91,8 @@ class Ros2Actions(FarOffers[CdrActionType]):
             send_goal: sends goals to nodes.
         """
         super().__init__(ROS2_GRAPH, bus, types.find_action, policy)
-        self._known, self._check_use = bus.actions.by_name, policy.check_goal
+        self._known = bus.actions.by_name
+        self._check_use = policy.check_goal
         self._send_goal = send_goal
         self._cancels: dict[Goal, Callable[[], None]] = {}
 

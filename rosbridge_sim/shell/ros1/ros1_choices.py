@@ -10,7 +10,7 @@ from rosbridge_sim.graph.gateway.node_services import NodeServices
 from rosbridge_sim.graph.gateway.sentences import OnceLog
 from rosbridge_sim.graph.ros1.ros1_graph import is_name
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type, Ros1Types
-from rosbridge_sim.graph.ros1.tcpros import Room
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.records import Record
 from rosbridge_sim.shell.ros1.xmlrpc_http import call
 
@@ -34,7 +34,7 @@ class Ros1Choices(Record):
     host: str
     shown_host: str
     max_message_size: int
-    room: Room
+    room: Account
 
     def there(self, name: str) -> str:
         """Return the name on the graph of a name on the bus."""

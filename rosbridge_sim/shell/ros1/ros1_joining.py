@@ -15,9 +15,9 @@ from rosbridge_sim.errors import DocumentError, GraphError, PeerError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Types
-from rosbridge_sim.graph.ros1.tcpros import Room
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.config.settings import Settings
@@ -26,6 +26,7 @@ from rosbridge_sim.shell.files.definitions import MAX_DEFINITION_SIZE, Texts
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Choices
 from rosbridge_sim.shell.ros1.ros1_node import Ros1Node
 from rosbridge_sim.shell.ros1.xmlrpc_http import address_of, addresses, call
+from rosbridge_sim.shell.websocket.dns import is_own
 
 _log = logging.getLogger("rosbridge_sim.ros1")
 
@@ -75,7 +76,7 @@ async def choose(settings: Settings, environment: Mapping[str, str]) -> Ros1Choi
     master_host, port = address_of(master)
     found = await _resolve("ros1-master", master_host)
     is_loopback = is_local(host)
-    if is_loopback and not any(_is_own(address) for address in found):
+    if is_loopback and not any(map(is_own, found)):
         raise DocumentError(
             f"ros1-master: {master} is on another machine, whose nodes cannot reach this one on {host}; give the"
             " address of this machine in its network: --ros1-host 192.168.0.5"
@@ -88,7 +89,7 @@ async def choose(settings: Settings, environment: Mapping[str, str]) -> Ros1Choi
         pass  # there is none of this name, or it has died
     else:
         raise DocumentError(f"ros1-name: the node {name} is on the graph of {master} already; use --ros1-name")
-    room = Room(max(MAX_INCOMPLETE, settings.max_frame_size))
+    room = Account(max(MAX_INCOMPLETE, settings.max_frame_size))
     return Ros1Choices(master, name, settings.ros1_namespace, host, shown, settings.max_frame_size, room)
 
 
@@ -115,17 +116,6 @@ def is_local(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _is_own(address: str) -> bool:
-    """Return True if an address is one of this machine."""
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        try:
-            probe.bind((address, 0))
-        except OSError:
-            return False
-    return True
 
 
 async def _resolve(where: str, host: str) -> list[str]:

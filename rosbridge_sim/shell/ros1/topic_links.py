@@ -10,7 +10,8 @@ from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.ros1.ros1_types import Ros1Type
-from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, Room, read_header, write_header
+from rosbridge_sim.graph.ros1.tcpros import MAX_HEADER, MessageCutter, read_header, write_header
+from rosbridge_sim.protocol.client_memory import Account
 from rosbridge_sim.shell.ros1.ros1_choices import Ros1Parts
 from rosbridge_sim.shell.ros1.xmlrpc_http import call, connect
 
@@ -85,7 +86,7 @@ async def take_header(reader: asyncio.StreamReader) -> dict[str, str]:
         return read_header(await reader.readexactly(length))
 
 
-async def read_body(reader: asyncio.StreamReader, max_size: int, room: Room) -> bytes:
+async def read_body(reader: asyncio.StreamReader, max_size: int, room: Account) -> bytes:
     """Return a request or a response, which has its length before it.
 
     Args:
@@ -305,8 +306,8 @@ class TopicReaders:
         try:
             if header.get("md5sum", "*") not in {"*", own.md5}:
                 raise GraphError(misfit(own, header, header.get("callerid", uri)))
-            take, time = self._parts.gateway.receive, asyncio.get_running_loop().time
-            await receive(stream, cutter, lambda raw: take(topic, raw, time()))
+            loop = asyncio.get_running_loop()
+            await receive(stream, cutter, lambda raw: self._parts.gateway.receive(topic, raw, loop.time()))
         finally:
             writer.close()
             cutter.close()

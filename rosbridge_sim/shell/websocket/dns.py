@@ -1,4 +1,4 @@
-"""Resolve host names in a daemon thread, so that a dead DNS server never blocks shutdown.
+"""Host names, resolved in a daemon thread, so that a dead DNS server never blocks shutdown; and own addresses.
 
 The loop's own method blocks a thread until the system gives up, perhaps half a minute, and no process ends before it.
 Here the thread is a daemon, so the process does not wait for it.
@@ -90,3 +90,13 @@ def _look_up(host: str) -> list[str] | Exception:
 def _address(host: str | int, _port: object, _flow: int = 0, scope: int = 0) -> str:
     """Return an address as text; a link-local address gets the number of its link."""
     return f"{host}%{scope}" if scope and "%" not in str(host) else str(host)
+
+
+def is_own(address: str) -> bool:
+    """Return True if an address belongs to this machine: only such an address can be bound."""
+    with socket.socket(socket.AF_INET6 if ":" in address else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((address, 0))
+        except OSError:
+            return False
+    return True

@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from rosbridge_sim.graph.gateway.sentences import MAX_LINE, MAX_LINES, OnceLog, name_some
+from rosbridge_sim.graph.gateway.sentences import MAX_LINE, MAX_LINES, OnceLog
 
 
 def test_line_is_written_once_for_each_text_or_key(caplog: pytest.LogCaptureFixture) -> None:
@@ -29,8 +29,3 @@ def test_lines_are_few_short_and_printable(caplog: pytest.LogCaptureFixture) -> 
         log.tell(f"line {number}")
     assert len(caplog.records) == MAX_LINES
     assert max(len(one.message) for one in caplog.records) <= MAX_LINE + 3
-
-
-def test_long_list_of_names_is_cut() -> None:
-    assert name_some(["a", "b"]) == "a, b"
-    assert name_some(["a", "b", "c", "d", "e"]) == "a, b, c and 2 more"

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import GraphError
-from rosbridge_sim.graph.ros1.tcpros import MAX_FIELDS, MessageCutter, Room, read_header, with_length, write_header
+from rosbridge_sim.graph.ros1.tcpros import MAX_FIELDS, MessageCutter, read_header, with_length, write_header
+from rosbridge_sim.protocol.client_memory import Account
 
 
 def test_a_header_has_the_length_of_each_part_before_it() -> None:
@@ -39,7 +40,7 @@ def test_a_header_of_endless_fields_is_refused() -> None:
 @given(st.lists(st.binary(max_size=9), max_size=6), st.lists(st.integers(0, 60), max_size=8))
 def test_messages_are_the_same_however_they_are_cut(messages: list[bytes], cuts: list[int]) -> None:
     data = b"".join(map(with_length, messages))
-    cutter = MessageCutter(6, Room(1000))
+    cutter = MessageCutter(6, Account(1000))
     got: list[bytes] = []
     places = [0, *sorted(min(cut, len(data)) for cut in cuts), len(data)]
     for start, end in pairwise(places):
@@ -49,7 +50,7 @@ def test_messages_are_the_same_however_they_are_cut(messages: list[bytes], cuts:
 
 
 def test_a_message_of_four_gigabytes_takes_no_memory() -> None:
-    cutter = MessageCutter(2**20, Room(2**30))
+    cutter = MessageCutter(2**20, Account(2**30))
     assert not list(cutter.feed(b"\xff\xff\xff\xff"))
     for _ in range(100):
         assert not list(cutter.feed(bytes(2**16)))
@@ -57,16 +58,16 @@ def test_a_message_of_four_gigabytes_takes_no_memory() -> None:
 
 
 def test_what_many_senders_have_begun_shares_one_room_and_a_promise_takes_none() -> None:
-    room = Room(100)
+    room = Account(100)
     first, second = (MessageCutter(80, room) for _ in range(2))
     assert not list(first.feed(b"\x50\0\0\0"))
-    assert (room.left, first.is_within) == (96, True)
+    assert (room.num_bytes, first.is_within) == (4, True)
     assert not list(first.feed(b"x" * 60))
     assert not list(second.feed(b"\x50\0\0\0" + b"x" * 40))
-    assert (second.num_skipped, room.left) == (1, 36)
+    assert (second.num_skipped, room.num_bytes) == (1, 64)
     assert list(second.feed(b"x" * 40 + with_length(b"hi"))) == [b"hi"], "it goes on after the message"
     assert list(first.feed(b"x" * 20)) == [b"x" * 80]
-    assert (room.left, first.is_within) == (100, False)
+    assert (room.num_bytes, first.is_within) == (0, False)
     assert not list(first.feed(b"\x50\0\0\0x"))
     first.close()
-    assert room.left == 100
+    assert room.num_bytes == 0
