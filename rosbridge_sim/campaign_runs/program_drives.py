@@ -160,7 +160,8 @@ class _Drive:
     def follow(self, program: _Program, timeout: float, simulator: Simulator) -> None:
         """Wait until the drive is over, the program has ended, or the time has passed."""
         assert simulator.node is not None
-        outcome, end, world = self.outcome, time.monotonic() + timeout, simulator.node.context.sync_driver
+        outcome, end = self.outcome, time.monotonic() + timeout
+        world = simulator.node.context.sync_driver
         while not self._is_over.wait(LOOK_EVERY):
             if self._has_client.is_set():  # the wait for the program is over
                 self._has_client.clear()

@@ -52,8 +52,9 @@ class RayPool:
                 f"{job.base}: expected a folder of at most {MAX_SHIPPED >> 20} MB, because it is sent to the cluster"
                 f" with the campaign; it has {size >> 20} MB: put the campaign into a folder of its own"
             )
-        here, there = {"num_cpus": num_jobs, "include_dashboard": False}, {"runtime_env": {"working_dir": job.base}}
-        options: dict[str, Any] = dict(here) if address == "local" else dict(there)
+        options: dict[str, Any] = {"runtime_env": {"working_dir": job.base}}
+        if address == "local":
+            options = {"num_cpus": num_jobs, "include_dashboard": False}
         try:
             ray.init(address, log_to_driver=False, **options)
         except (ConnectionError, RuntimeError, ValueError) as error:

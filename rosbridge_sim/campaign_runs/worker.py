@@ -116,9 +116,9 @@ def _drive(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run], *, may_ke
             outcomes = [drive_by_program(loaded, driver, run, record=should_record) for run in runs]
         else:
             outcomes = drive_in_python(loaded, driver, runs)
-        spent = {"wall": (time.perf_counter() - began) / len(runs), "cpu": (time.process_time() - cpu) / len(runs)}
+        wall, used = (time.perf_counter() - began) / len(runs), (time.process_time() - cpu) / len(runs)
         for run, outcome in zip(runs, outcomes, strict=True):
-            verdict, why, breaches = _judge(loaded, outcome)
+            verdict, reason, breaches = _judge(loaded, outcome)
             is_kept = may_keep and (output.keep == "all" or (output.keep == "failures" and verdict in BAD))
             files: tuple[str, ...] = ()
             trouble = ""
@@ -126,10 +126,24 @@ def _drive(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run], *, may_ke
                 files, trouble = _keep(loaded.job.folder, run, outcome)
             if outcome.work is not None:
                 shutil.rmtree(outcome.work, ignore_errors=True)
-            trace = outcome.trace
-            found = Result(run, verdict, printable(why), breaches, trace.scores(), len(trace.rows), outcome.state_hash)
-            found = replace(found, path=tuple(trace.path()), files=files, trouble=trouble, worker=who, **spent)
-            judged[run.number].append(found)
+            judged[run.number].append(
+                Result(
+                    run,
+                    verdict,
+                    printable(reason),
+                    breaches,
+                    outcome.trace.scores(),
+                    len(outcome.trace.rows),
+                    outcome.state_hash,
+                    tuple(outcome.trace.path()),
+                    (),
+                    files,
+                    trouble,
+                    wall,
+                    used,
+                    who,
+                )
+            )
     return {number: _joined(results) for number, results in judged.items()}
 
 

@@ -17,11 +17,9 @@ from gymnasium.spaces import Box, Discrete, Space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import Index
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.state.world import Gear
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 MAX_STEER: Final = 0.5
 """Angle of the front wheels at the action 1 [rad]."""

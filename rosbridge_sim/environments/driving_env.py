@@ -10,7 +10,7 @@ from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 
 from rosbridge_sim.environments.driving_vector_env import RENDER_MODES, DrivingVectorEnv
-from rosbridge_sim.environments.observations import Seen, pick
+from rosbridge_sim.environments.observations import Seen, pick, pick_figures
 
 Array = npt.NDArray[Any]
 
@@ -42,12 +42,12 @@ class DrivingEnv(Env[Seen, Any]):
         super().reset(seed=seed)
         del options
         seen, infos = self._many.reset(seed=seed)
-        return pick(seen, 0), _first(infos)
+        return pick(seen, 0), pick_figures(infos, 0)
 
     def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:  # noqa: ANN401 - of the space
         """Drive for `frame_skip` frames; see `gymnasium.Env.step`."""
         seen, rewards, terminated, truncated, infos = self._many.step(np.asarray(action)[None])
-        return pick(seen, 0), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
+        return pick(seen, 0), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), pick_figures(infos, 0)
 
     def render(self) -> Array | None:
         """Return a picture from above, (400, 600, 3) uint8; None if the mode is another one."""
@@ -66,8 +66,3 @@ class DrivingEnv(Env[Seen, Any]):
     def compute_reward(self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, info: Any) -> Any:  # noqa: ANN401
         """Return the reward of steps that have led to goals; see `DrivingVectorEnv.compute_reward`."""
         return self._many.compute_reward(achieved_goal, desired_goal, info)
-
-
-def _first(infos: dict[str, Any]) -> dict[str, Any]:
-    """Return the infos of one environment as plain numbers."""
-    return {name: _first(values) if isinstance(values, dict) else values.item() for name, values in infos.items()}

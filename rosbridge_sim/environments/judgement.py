@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-import numpy.typing as npt
-
 from rosbridge_sim.records import Record
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 
 Index = tuple[slice | int, slice | int]
 """Which egos count: the first one of each world, or all of one world; the arrays are one-dimensional then."""

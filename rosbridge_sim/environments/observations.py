@@ -25,13 +25,13 @@ import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
+from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 from rosbridge_sim.worlds.occupancy import num_cells
 
 if TYPE_CHECKING:
     from rosbridge_sim.environments.camera import EgoCameras
 
-FloatArray = npt.NDArray[np.float64]
 Lanes = dict[str, FloatArray]
 """Figures of lanes by name; see `DrivableWorlds.lanes`."""
 
@@ -186,6 +186,14 @@ def observe(
 def pick(seen: Seen, index: Any) -> Seen:  # noqa: ANN401 - whatever numpy takes
     """Return `seen[index]`, of a dict of arrays from each of them."""
     return {name: part[index] for name, part in seen.items()} if isinstance(seen, dict) else seen[index]
+
+
+def pick_figures(figures: dict[str, Any], number: int) -> dict[str, Any]:
+    """Return the figures of one environment or ego, as Python's numbers, from arrays of those of all."""
+    return {
+        name: pick_figures(values, number) if isinstance(values, dict) else values[number].item()
+        for name, values in figures.items()
+    }
 
 
 def _box(name: str, task: DrivingTask) -> Box:

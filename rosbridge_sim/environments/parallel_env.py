@@ -13,7 +13,7 @@ from pettingzoo import ParallelEnv
 from rosbridge_sim.environments.driving_task import EPISODE_STEPS, read_task
 from rosbridge_sim.environments.episodes import Episodes
 from rosbridge_sim.environments.judgement import Index
-from rosbridge_sim.environments.observations import Seen, pick, space_of
+from rosbridge_sim.environments.observations import Seen, pick, pick_figures, space_of
 from rosbridge_sim.environments.top_view import draw
 from rosbridge_sim.worlds.worlds import Worlds
 
@@ -125,12 +125,4 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
         return {agent: pick(values, i) for agent, i in zip(self.agents, numbers, strict=True)}
 
     def _infos(self, figures: Figures) -> Figures:
-        score = figures.pop("score")
-        return {
-            agent: {
-                **{name: values[i].item() for name, values in figures.items()},
-                "score": {name: values[i].item() for name, values in score.items()},
-            }
-            for i, agent in enumerate(self.possible_agents)
-            if agent in self.agents
-        }
+        return {agent: pick_figures(figures, self.possible_agents.index(agent)) for agent in self.agents}

@@ -8,10 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.environments.driving_task import DrivingTask
-from rosbridge_sim.environments.judgement import BoolArray, FloatArray, Index, Judgement
+from rosbridge_sim.environments.judgement import Index, Judgement
 from rosbridge_sim.environments.observations import GOAL_FIGURES, Lanes, achieved_goals, desired_goals
 from rosbridge_sim.records import replace
-from rosbridge_sim.world.geometry.planar import wrap_angle
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, wrap_angle
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 GOAL_WEIGHTS: Final = (1.0, 1.0, 0.0, 0.0, 0.02, 0.02)

@@ -9,9 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rosbridge_sim.records import Record, field
-from rosbridge_sim.scenarios.catalogue import (
-    Model,
-)
+from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.openscenario.story_records import Story
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.world.geometry.planar import FloatArray

@@ -304,17 +304,10 @@ def _trajectory(story_map: StoryMap, item: StoryItem, entity: Entity) -> MapPlac
     raise DocumentError(f"s: expected 0..{item['s'] - left:.2f} m, the length of the trajectory, got {item['s']:g}")
 
 
-def _relative_world(_: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
-    return _beside(entity(item["entityRef"])[0], item, 0.0)
-
-
-def _relative_object(_: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
+def _relative(_: StoryMap, item: StoryItem, entity: Entity) -> MapPlace:
+    """Return the place `dx`, `dy`, `dz` from an entity, in the axes of the world or in its own."""
     place = entity(item["entityRef"])[0]
-    return _beside(place, item, place.yaw)
-
-
-def _beside(place: MapPlace, item: StoryItem, yaw: float) -> MapPlace:
-    """Return the place `dx`, `dy`, `dz` from another one, in axes that are turned by `yaw`."""
+    yaw = place.yaw if item.kind == "RelativeObjectPosition" else 0.0
     cos, sin, dx, dy = math.cos(yaw), math.sin(yaw), item["dx"], item["dy"]
     return MapPlace(
         place.x + dx * cos - dy * sin, place.y + dx * sin + dy * cos, place.z + item.get("dz", 0.0), place.yaw
@@ -430,8 +423,8 @@ _FIXED: Final = frozenset({"WorldPosition", "LanePosition", "RoadPosition", "Lin
 
 _FINDERS: Final[dict[str, Callable[[StoryMap, StoryItem, Any], MapPlace]]] = {
     "WorldPosition": _world,
-    "RelativeWorldPosition": _relative_world,
-    "RelativeObjectPosition": _relative_object,
+    "RelativeWorldPosition": _relative,
+    "RelativeObjectPosition": _relative,
     "LanePosition": _lane,
     "RoadPosition": _road,
     "LinkPosition": _link,

@@ -271,23 +271,22 @@ class StoryItemReader:
 
     def _refer(self, element: Element, parameters: Mapping[str, str]) -> tuple[Element, dict[str, str]] | None:
         """Return the entry of a catalogue, and the parameters that the reference assigns; None if there is no entry."""
-        mistakes, where = self.findings.mistakes, f"{place_of(element)}: CatalogReference"
         values = self._values(element, _REFERENCE, parameters)
         if values is None:
             return None
         catalogue, name = values["catalogName"], values["entryName"]
         known = self._catalogues.get(catalogue)
+        wrong = ""
         if known is None:
             there = ", ".join(sorted(self._catalogues)[:12]) or "none"
             shown = f"no catalogue {printable(catalogue, 60)!r}{hint(catalogue, self._catalogues)}; found are {there}"
-            _tell(mistakes, f"{where}.catalogName: {shown}")
-            return None
-        if name not in known:
-            shown = f"{printable(catalogue, 60)} has no entry {printable(name, 60)!r}{hint(name, known)}"
-            _tell(mistakes, f"{where}.entryName: {shown}")
-            return None
-        if self._depth >= MAX_CATALOGUE_DEPTH:
-            _tell(mistakes, f"{where}: catalogues refer to each other without end")
+            wrong = f".catalogName: {shown}"
+        elif name not in known:
+            wrong = f".entryName: {printable(catalogue, 60)} has no entry {printable(name, 60)!r}{hint(name, known)}"
+        elif self._depth >= MAX_CATALOGUE_DEPTH:
+            wrong = ": catalogues refer to each other without end"
+        if known is None or wrong:
+            _tell(self.findings.mistakes, f"{place_of(element)}: CatalogReference{wrong}")
             return None
         given: dict[str, str] = {}
         for each in element.within("ParameterAssignments"):

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from functools import cache
+from itertools import cycle, pairwise
 from typing import Final
 
 import numpy as np
@@ -147,23 +149,11 @@ def obstacle_template(shape: Shape) -> Template:
     builder = TemplateBuilder()
     if shape == Shape.CONE:
         builder.box((-0.5, -0.5, 0.0), (0.5, 0.5, 0.05), Tint.DARK)
-        for low, high, tint in (
-            (0.05, 0.38, Tint.PAINT),
-            (0.38, 0.62, Tint.SECOND),
-            (0.62, 0.78, Tint.PAINT),
-            (0.78, 0.88, Tint.SECOND),
-            (0.88, 1.0, Tint.PAINT),
-        ):
+        for (low, high), tint in _banded((0.05, 0.38, 0.62, 0.78, 0.88, 1.0)):
             builder.column(_cone(low), low, high, tint, top=_cone(high))
     elif shape == Shape.BARREL:
-        for low, high, radius, tint in (
-            (0.0, 0.30, 0.48, Tint.PAINT),
-            (0.30, 0.34, 0.5, Tint.SECOND),
-            (0.34, 0.64, 0.48, Tint.PAINT),
-            (0.64, 0.68, 0.5, Tint.SECOND),
-            (0.68, 1.0, 0.48, Tint.PAINT),
-        ):
-            builder.column(radius, low, high, tint)
+        for (low, high), tint in _banded((0.0, 0.30, 0.34, 0.64, 0.68, 1.0)):
+            builder.column(0.48 if tint == Tint.PAINT else 0.5, low, high, tint)
     elif shape == Shape.BARRIER:
         builder.extrude(
             [
@@ -183,6 +173,11 @@ def obstacle_template(shape: Shape) -> Template:
         for low, high in ((0.02, 0.10), (0.90, 0.98)):
             builder.box((-0.505, -0.505, low), (0.505, 0.505, high), Tint.SECOND)
     return builder.finish()
+
+
+def _banded(heights: Sequence[float]) -> Iterator[tuple[tuple[float, float], Tint]]:
+    """Yield the bands between heights, by turns in the main colour and in that of bands."""
+    return zip(pairwise(heights), cycle((Tint.PAINT, Tint.SECOND)), strict=False)
 
 
 def _cone(height: float) -> float:

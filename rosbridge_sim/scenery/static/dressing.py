@@ -150,16 +150,11 @@ def _add_trees(site: RoadSite, *, rng: np.random.Generator, free: float, houses:
 def _crown(radius: float, low: float, high: float, turn: float) -> tuple[FloatArray, np.ndarray]:
     """Return a round crown of seven sides."""
     angle = turn + 2.0 * math.pi * np.arange(7) / 7
-    rings = [
-        (0.45, low),
-        (0.95, low + 0.28 * (high - low)),
-        (0.9, low + 0.6 * (high - low)),
-        (0.45, low + 0.9 * (high - low)),
-    ]
-    parts = [
-        np.column_stack([r * radius * np.cos(angle + 0.2 * i), r * radius * np.sin(angle + 0.2 * i), np.full(7, z)])
-        for i, (r, z) in enumerate(rings)
-    ]
+    rings = ((0.45, 0.0), (0.95, 0.28), (0.9, 0.6), (0.45, 0.9))  # shares of the radius, and of the height
+    parts = []
+    for k, (r, up) in enumerate(rings):
+        z = np.full(7, low + up * (high - low))
+        parts.append(np.column_stack([r * radius * np.cos(angle + 0.2 * k), r * radius * np.sin(angle + 0.2 * k), z]))
     vertices = np.concatenate([*parts, [[0.0, 0.0, low], [0.0, 0.0, high]]])
     i = np.arange(7, dtype=np.int32)
     j = (i + 1) % 7

@@ -109,7 +109,8 @@ def _add_poles(
         reach = float(np.hypot(*(behind[k, :2] - same[:2])))
         if reach > POLE:
             way = (behind[k, :2] - same[:2]) / reach
-            arm, at = box((0.0, -ARM, -ARM), (reach, ARM, ARM)), (*same[:2], place[k, 2] + 0.1)
+            arm = box((0.0, -ARM, -ARM), (reach, ARM, ARM))
+            at = (*same[:2], place[k, 2] + 0.1)
             builder.add_solid(arm, at, STEEL, Label.POLE, way=way)
     for x, y, top in poles:
         floor = float(terrain.height(np.array([[x, y]]))[0])
