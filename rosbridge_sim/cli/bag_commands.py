@@ -69,10 +69,15 @@ def _play(options: Options) -> int:
     pairs = [one.partition(":=") for one in options.remap]
     if not all(old and new for old, _, new in pairs):
         raise SettingError(f"--remap: expected OLD:=NEW; got {' '.join(options.remap)!r}")
-    names, is_looping = {old: new for old, _, new in pairs}, options.is_looping
-    end = options.start + options.duration
-    selection = Selection(tuple(options.topics), names, options.start, end, options.rate, is_looping)
-    options.end = 0 if is_looping else options.end
+    selection = Selection(
+        topics=tuple(options.topics),
+        names={old: new for old, _, new in pairs},
+        start=options.start,
+        end=options.start + options.duration,
+        rate=options.rate,
+        is_looping=options.is_looping,
+    )
+    options.end = 0 if options.is_looping else options.end
     return run_tool("tools.bag_play.play", options, selection=selection)
 
 

@@ -117,8 +117,14 @@ def _echo(options: Options) -> int:
         path = None if options.field is None else topic.FieldPath(options.field)
     except ValueError:
         raise SettingError(f"--field: expected a path such as a.b or list[0].c; got {options.field!r}") from None
-    has = {"has_arrays": not options.no_arr, "has_texts": not options.no_str}
-    form = topic.Echo(options.json, options.csv, options.plot, **has, field=path)
+    form = topic.Echo(
+        is_json=options.json,
+        is_csv=options.csv,
+        has_header=options.plot,
+        has_arrays=not options.no_arr,
+        has_texts=not options.no_str,
+        field=path,
+    )
     return run_tool("tools.topic.echo", options, form=form)
 
 

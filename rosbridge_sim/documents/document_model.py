@@ -99,6 +99,13 @@ class DocumentType(Generic[T]):
 Place: TypeAlias = tuple[int | str, ...]
 """Keys and indices of a value; empty for the document as a whole."""
 
+
+def path_of(place: Place) -> str:
+    """Return a place as a path: `vehicleList[2].pos`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{printable(part, MAX_KEY_SHOWN)}" for part in place)
+    return "".join(parts).removeprefix(".")
+
+
 Where: TypeAlias = Callable[[Place], str]
 """Returns the text for a place in an error."""
 

@@ -19,7 +19,6 @@ from typing import Any, Final, Literal, TypeAlias, TypeVar, Union, get_args, get
 import msgspec
 
 from rosbridge_sim.documents.document_model import (
-    MAX_KEY_SHOWN,
     SCALARS,
     SPELLED,
     Document,
@@ -28,13 +27,13 @@ from rosbridge_sim.documents.document_model import (
     Place,
     Where,
     fields_of,
+    path_of,
     read_number,
     split_marks,
 )
 from rosbridge_sim.documents.not_json import explain_not_json
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.printable import printable
 
 T = TypeVar("T")
 
@@ -122,9 +121,7 @@ def find_mistakes(kind: DocumentType[Any], text: bytes, source: str, max_bytes: 
 
 def _place_in(source: str, place: Place) -> str:
     """Return a file and a place in it: `demo.json: vehicleList[2].pos`."""
-    parts = (f"[{part}]" if isinstance(part, int) else f".{printable(part, MAX_KEY_SHOWN)}" for part in place)
-    path = "".join(parts).removeprefix(".")
-    return f"{source}: {path}" if path else source
+    return f"{source}: {path}" if (path := path_of(place)) else source
 
 
 def parse_json(text: bytes, source: str, max_bytes: int) -> JsonValue:

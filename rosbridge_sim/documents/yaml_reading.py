@@ -12,7 +12,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from rosbridge_sim.documents.document_model import MAX_KEY_SHOWN, Place
+from rosbridge_sim.documents.document_model import Place, path_of
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
@@ -53,10 +53,8 @@ class YamlDocument(Record):
 
     def where(self, place: Place) -> str:
         """Return a place for an error: `robot.yaml:12: topics./odom.rate`."""
-        parts = (f"[{part}]" if isinstance(part, int) else f".{printable(part, MAX_KEY_SHOWN)}" for part in place)
-        path = "".join(parts).removeprefix(".")
         line = f"{self.source}:{self.line(place)}"
-        return f"{line}: {path}" if path else line
+        return f"{line}: {path}" if (path := path_of(place)) else line
 
     def line(self, place: Place) -> int:
         """Return the line of a place, or of the nearest one around it that was written there."""

@@ -16,10 +16,20 @@ from typing import Any
 from rosbridge_sim.loose_types import LibraryArgument
 
 _HARMLESS_HEADERS = frozenset(
-    {
-        *("connection", "content-length", "content-type", "date", "host", "origin", "server", "user-agent"),
-        *("sec-websocket-accept", "sec-websocket-extensions", "sec-websocket-version", "www-authenticate"),
-    }
+    [
+        "connection",
+        "content-length",
+        "content-type",
+        "date",
+        "host",
+        "origin",
+        "sec-websocket-accept",
+        "sec-websocket-extensions",
+        "sec-websocket-version",
+        "server",
+        "user-agent",
+        "www-authenticate",
+    ]
 )
 """Headers whose values are shown. Of others, such as Authorization, Cookie and Referer, only the name is shown."""
 

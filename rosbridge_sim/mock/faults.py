@@ -166,12 +166,12 @@ class FaultTable:
         rules: by name, in the order in which they are applied.
     """
 
-    def __init__(self, faults: Mapping[str, MockFault], seed: int, now_ns: int = 0) -> None:
+    def __init__(self, faults: Mapping[str, MockFault], seed: int) -> None:
         self.rules: dict[str, FaultRule] = {}
         self._seed = seed
         self._found: dict[tuple[str, FaultWay], Sequence[FaultRule]] = {}
         for name, fault in faults.items():
-            self.add(name, fault, now_ns)
+            self.add(name, fault, 0)
 
     def add(self, name: str, fault: MockFault, now_ns: int) -> None:
         """Add a fault, or put it in place of one with the same name."""

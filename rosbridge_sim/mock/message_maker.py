@@ -40,7 +40,11 @@ from rosbridge_sim.suggestions import hint, listing
 Convert = Callable[[Any], Any]
 """Returns the value of a field for that of a pattern; a TypeError, ValueError or OverflowError if there is none."""
 
-_NUMBERS: Final[dict[str, Callable[[Any], Part]]] = {"$sine": make_sine, "$ramp": make_ramp, "$counter": make_counter}
+_NUMBERS: Final[dict[str, Callable[[Any], Part]]] = {
+    "$sine": make_sine,
+    "$ramp": make_ramp,
+    "$counter": make_counter,
+}
 """Patterns of numbers that need nothing but their options."""
 
 TIME_NAMES: Final = ("time", "tick")
@@ -255,7 +259,8 @@ class MessageMaker:
         convert: Convert,
     ) -> Part:
         """Return the value of an expression over the last messages of topics, and the fields of a request."""
-        following, told = Following(expression), set[str]()
+        following = Following(expression)
+        told: set[str] = set()
 
         def compute(moment: MessageTime) -> Any:  # noqa: ANN401 - of any field
             values: dict[str, Value] = {"time": moment.time_ns / SECOND_NS, "tick": moment.number}

@@ -22,7 +22,7 @@ from rosbridge_sim.campaign_runs.stored_folder import open_results, temporary_fo
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.campaign import Campaign, plan_runs
 from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result, Run
-from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
+from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_progress, put_table
 from rosbridge_sim.errors import DocumentError
 
 INTERRUPTED = 130
@@ -201,8 +201,7 @@ class _Shower:
         if self._is_terminal:
             if now - self._last > _REDRAWN_EVERY or self._progress.done == self._progress.num:
                 self._last, self._is_open = now, True
-                sys.stderr.write(f"\r{self._progress.line(now)}\x1b[K")
-                sys.stderr.flush()
+                put_progress(self._progress.line(now))
         elif now - self._last > _LINE_EVERY:
             self._last = now
             note(self._progress.line(now))

@@ -11,14 +11,13 @@ import asyncio
 import fnmatch
 import json
 import secrets
-import sys
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
 from rosbridge_sim.cli.doctor import connection_checks
 from rosbridge_sim.cli.doctor.examined_server import NO_CONNECTION, ExaminedServer
-from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_table, write_file
+from rosbridge_sim.cli.tools.text import put, put_json, put_lines, put_progress, put_table, write_file
 from rosbridge_sim.doctor.check import Check, prepared, read_checks
 from rosbridge_sim.doctor.check_report import Report, junit, markdown, read_baseline, terminal_lines, to_json
 from rosbridge_sim.doctor.examination import CheckResult, Verdict, examine
@@ -146,7 +145,7 @@ async def _examine_all(server: ExaminedServer, checks: Sequence[Check]) -> list[
     async def run(check: Check) -> None:
         async with room:
             outcomes[check.id] = await _examine(server, check)
-            _show_progress(len(outcomes), len(checks))
+            put_progress(f"{len(outcomes)} of {len(checks)} checks")
 
     alone = [one for one in checks if one.section in {"large", "timing", "load", "hostile"}]
     together = [one for one in checks if one not in alone]
@@ -155,7 +154,7 @@ async def _examine_all(server: ExaminedServer, checks: Sequence[Check]) -> list[
             group.create_task(run(check))
     for check in alone:
         await run(check)
-    _show_progress(0, 0)
+    put_progress("")
     return [outcomes[check.id] for check in checks]
 
 
@@ -171,13 +170,6 @@ async def _examine(server: ExaminedServer, check: Check) -> CheckResult:
             return await examine(prepared(check, prefix, server.ros), clients, server.ros)
     except NO_CONNECTION as error:  # it takes no more connections
         return CheckResult(check, Verdict.DEVIATES, server.why_not(error))
-
-
-def _show_progress(done: int, total: int) -> None:
-    """Show a terminal how many checks are done; 0 of 0 removes the line."""
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\r{done} of {total} checks\x1b[K" if total else "\r\x1b[K")
-        sys.stderr.flush()
 
 
 def _read_known(path: Path) -> dict[str, str]:

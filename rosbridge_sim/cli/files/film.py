@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.cli.tools.picture_files import picture_of, save
-from rosbridge_sim.cli.tools.text import note, put, put_json
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_progress
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.shell.config.loading import read_world
@@ -137,17 +136,11 @@ def _film(choice: FilmChoice, frames: Sequence[int]) -> list[Image]:
             if not film.advance(frame) and i:
                 break
             pictures.append(picture_of(film.shoot(), camera.size, _ENCODINGS[camera.spec.picture]))
-            _show_progress(i + 1, len(frames))
+            put_progress(f"{i + 1} of {len(frames)} pictures")
     finally:
+        put_progress("")
         film.close()
     return pictures
-
-
-def _show_progress(num: int, of: int) -> None:
-    """Show how many pictures are drawn, to a person who waits for more than one."""
-    if of > 1 and sys.stderr.isatty():
-        sys.stderr.write(f"\r{num} of {of} pictures" + ("\n" if num == of else ""))
-        sys.stderr.flush()
 
 
 def _tell(choice: FilmChoice, picture: Image, num_bytes: int, num: int) -> None:

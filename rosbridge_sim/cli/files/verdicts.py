@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.tools.text import note, put, put_json
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_progress
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.maps.road_map import RoadMap
@@ -70,12 +70,10 @@ def put_verdicts(
         The exit code: 1 if a file has mistakes, or has remarks and they count; else 0.
     """
     counts = {"good": 0, "with remarks": 0, "with mistakes": 0}
-    # If the results go to a file, the terminal shows the progress.
-    has_progress = sys.stderr.isatty() and not sys.stdout.isatty()
+    has_progress = not sys.stdout.isatty()  # if the results go to a file, the terminal shows it
     for number, file in enumerate(files, 1):
         if has_progress:
-            sys.stderr.write(f"\r\x1b[K[{number:,}/{len(files):,}] {safe(file)}")
-            sys.stderr.flush()
+            put_progress(f"[{number:,}/{len(files):,}] {safe(file)}")
         try:
             account = account_of(file)
         except DocumentError as error:
@@ -92,8 +90,7 @@ def put_verdicts(
             if len(lines) > MAX_LISTED:
                 put(f"  ... and {_plural(len(lines) - MAX_LISTED, what)} more; rosbridge-sim {command} shows all")
     if has_progress:
-        sys.stderr.write("\r\x1b[K")
-        sys.stderr.flush()
+        put_progress("")
     if not is_json:
         shown = ", ".join(f"{num:,} {verdict}" for verdict, num in counts.items() if num)
         put(f"{_plural(len(files), 'file')}: {shown}")

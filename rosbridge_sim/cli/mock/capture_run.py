@@ -142,7 +142,8 @@ async def capture_mock(
         RefusedError: there is no rosapi, or no such service.
     """
     demand_new(Path(file))
-    found, is_bag = _Capture(topics, services, calls, duration), _is_file(source)
+    found = _Capture(topics, services, calls, duration)
+    is_bag = _is_file(source)
     if is_bag:
         _read_bag(found, Path(source), read_texts(sources))
     else:

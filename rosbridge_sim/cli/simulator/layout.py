@@ -97,8 +97,12 @@ def lichtblick(names: Names, ros: int) -> str:
     panels: _Json = layout["configById"]
     if CAMERA_TYPE in names:
         panels["Image!camera"] = {"imageMode": {"imageTopic": names[CAMERA_TYPE]}}
-        both = {"first": "3D!scene", "second": "Image!camera", "splitPercentage": 60}
-        layout["layout"]["first"] = {"direction": "column", **both}
+        layout["layout"]["first"] = {
+            "direction": "column",
+            "first": "3D!scene",
+            "second": "Image!camera",
+            "splitPercentage": 60,
+        }
     if LIDAR_TYPE in names:
         colours = {"colorMode": "colormap", "colorMap": "turbo", "colorField": "intensity"}
         panels["3D!scene"]["topics"][names[LIDAR_TYPE]] = {"visible": True, "pointSize": 2, **colours}
@@ -123,7 +127,8 @@ def rviz(names: Names, ros: int) -> str:
         durability = "Transient Local" if is_latched else "Volatile"
         return _template("topic", topic=_quoted(name), durability=durability)
 
-    package, common = ("rviz", "rviz") if ros == 1 else ("rviz_default_plugins", "rviz_common")
+    package = "rviz" if ros == 1 else "rviz_default_plugins"
+    common = "rviz" if ros == 1 else "rviz_common"
     markers = sensors = ""
     for title, name in (("Map", "/sim/scene/map"), ("Objects", "/sim/scene/objects")):
         topic = topic_of(names[name], "Marker Topic", "Queue Size: 100", is_latched=title == "Map")

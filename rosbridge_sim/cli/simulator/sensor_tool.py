@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rosbridge_sim.cli.tools.picture_files import picture_of, save
 from rosbridge_sim.cli.tools.text import put, put_json, put_table
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, frames_in
 from rosbridge_sim.cli.tools.tool_subscription import Listener
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
@@ -113,7 +113,6 @@ def _write(message: Frame, path: Path) -> tuple[int, tuple[int, int]]:
 
 async def _ask(bridge: Bridge, ego: int) -> list[Frame]:
     values = await bridge.request(SERVICE, {"ego": ego})
-    found = values.get("sensors")
-    if values.get("result") is not True or not isinstance(found, list):
+    if values.get("result") is not True:
         raise RefusedError(safe(str(values.get("message"))))
-    return [one for one in found if isinstance(one, dict)]
+    return frames_in(values, "sensors")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import re
 import sys
 import time
 from collections import deque
@@ -45,11 +46,9 @@ class Meter:
     """A measurement over the last messages.
 
     Attributes:
-        fields: names of the statistics in JSON; the last one is the number of messages.
-        form: the statistics in words.
+        form: the statistics in words, each at its name in JSON; the last one is the number of messages.
     """
 
-    fields: ClassVar[tuple[str, ...]]
     form: ClassVar[str]
 
     def __init__(self, window: int = MAX_WINDOW) -> None:
@@ -59,6 +58,11 @@ class Meter:
             window: number of messages to measure over; at least 2.
         """
         self._samples: deque[tuple[float, float]] = deque(maxlen=window)
+
+    @property
+    def fields(self) -> list[str]:
+        """Names of the statistics."""
+        return re.findall(r"{(\w+)", self.form)
 
     def add(self, now: float, value: float = 0.0) -> None:
         """Add a message.
@@ -95,7 +99,6 @@ class Meter:
 class Rates(Meter):
     """Mean rate [Hz], and the intervals between arrivals with their standard deviation [s]."""
 
-    fields = ("rate", "min", "max", "std_dev", "window")
     form = "average rate: {rate:.3f} Hz  min: {min:.4f} s  max: {max:.4f} s  std dev: {std_dev:.5f} s  window: {window}"
 
     def _judge(self, times: Sequence[float], _values: Sequence[float]) -> tuple[float, ...]:
@@ -107,7 +110,6 @@ class Rates(Meter):
 class Bandwidths(Meter):
     """Bytes per second [B/s], and sizes of messages as JSON, which is how they come [B]."""
 
-    fields = ("rate", "mean", "min", "max", "window")
     form = "average: {rate}/s  mean: {mean}  min: {min}  max: {max}  window: {window}"
 
     def _judge(self, times: Sequence[float], values: Sequence[float]) -> tuple[float, ...]:
@@ -131,7 +133,6 @@ class Delays(Meter):
     time of day. If the server has no `/clock`, it is the time of day of this machine.
     """
 
-    fields = ("mean", "min", "max", "std_dev", "window")
     form = "average delay: {mean:.3f} s  min: {min:.3f} s  max: {max:.3f} s  std dev: {std_dev:.5f} s  window: {window}"
 
     def _judge(self, _times: Sequence[float], values: Sequence[float]) -> tuple[float, ...]:
@@ -202,7 +203,8 @@ async def measure(
     await meter.prepare(listener)
     num_messages = num_reported = 0
     report_at = bridge.now() + REPORT_INTERVAL
-    give_up_at = math.inf if patience is None else bridge.now() + patience
+    longest = math.inf if patience is None else patience
+    give_up_at = bridge.now() + longest
     with _Line(meter, is_json=is_json) as line:
         while num_messages != count:
             msg = await listener.next(min(report_at, give_up_at))
@@ -211,9 +213,9 @@ async def measure(
                 if value is not None:
                     meter.add(bridge.now(), value)
                     num_messages += 1
-                give_up_at = math.inf if patience is None else bridge.now() + patience
-            elif patience is not None and bridge.now() >= give_up_at:
-                raise await why_silent(bridge, topic, patience)
+                give_up_at = bridge.now() + longest
+            elif bridge.now() >= give_up_at:
+                raise await why_silent(bridge, topic, longest)
             if bridge.now() >= report_at:
                 line.write(is_new=num_messages > num_reported)
                 num_reported = num_messages

@@ -12,7 +12,6 @@ from __future__ import annotations
 import asyncio
 import math
 import signal
-import sys
 import time
 from pathlib import Path
 
@@ -20,7 +19,7 @@ import orjson
 
 from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store
 from rosbridge_sim.cli.tools.sync_commands import why_standing
-from rosbridge_sim.cli.tools.text import note, put_json
+from rosbridge_sim.cli.tools.text import note, put_json, put_progress
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
 from rosbridge_sim.cli.tools.tool_subscription import clock_of, stamp_of
 from rosbridge_sim.cli.tools.topic import is_ros2
@@ -135,8 +134,7 @@ class _RecordingSession:
         """Write the waiting messages, and the bag's end."""
         self._release(0)
         self._scribe.close()
-        if sys.stderr.isatty():
-            sys.stderr.write("\n")
+        put_progress("")
 
     async def _look(self) -> None:
         """Subscribe to new topics."""
@@ -196,8 +194,6 @@ class _RecordingSession:
 
     def _show(self) -> None:
         """Show the progress, for people."""
-        if sys.stderr.isatty():
-            at = "" if self._clock_ns is None else f"{self._clock_ns / 1e9:.1f} s, "
-            size = self._scribe.num_bytes / 1e6
-            sys.stderr.write(f"\r{at}{self._scribe.num_messages:,} messages, {size:,.1f} MB  (Ctrl-C ends it) ")
-            sys.stderr.flush()
+        at = "" if self._clock_ns is None else f"{self._clock_ns / 1e9:.1f} s, "
+        size = self._scribe.num_bytes / 1e6
+        put_progress(f"{at}{self._scribe.num_messages:,} messages, {size:,.1f} MB  (Ctrl-C ends it) ")

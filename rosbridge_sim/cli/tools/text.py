@@ -72,6 +72,13 @@ def note(text: str) -> None:
     sys.stderr.flush()
 
 
+def put_progress(text: str) -> None:
+    """Write over the line that shows people how far a command is, on a terminal; an empty text removes it."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{text}")
+        sys.stderr.flush()
+
+
 def write_file(path: Path, text: str) -> None:
     """Write a file.
 
