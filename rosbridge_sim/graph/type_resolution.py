@@ -34,7 +34,7 @@ class TypeResolver:
         self._is_strict = is_strict
         self._opaque: dict[str, OpaqueType] = {}
         self._tidy_at = 0
-        self._logged: dict[tuple[str, str], None] = {}  # unknown services and actions that were logged
+        self._logged: dict[tuple[str, str], None] = {}  # unknown types that were logged, and their use
 
     def message(self, name: str) -> MessageType | OpaqueType:
         """Return the type of a message; an opaque one if its whole package is unknown.
@@ -48,20 +48,15 @@ class TypeResolver:
         """
         try:
             return self._store.message(name)
-        except UnknownPackageError:
-            if self._is_strict:
-                raise
-        canonical = self._store.canonical(name)
+        except UnknownPackageError as error:
+            canonical = self._relay(name, "messages of this type", error)
         opaque = self._opaque.get(canonical)
         if opaque is None:
-            resolve(canonical)  # as long as a name may be
             if len(self._opaque) >= self._tidy_at:
                 self._opaque = {each.name: each for each in self._types_in_use() if type(each) is OpaqueType}
                 # wait until half as many new ones have come, so that each type costs constant time
                 self._tidy_at = max(MAX_REMEMBERED_TYPES, len(self._opaque) * 3 // 2 + 1)
             opaque = self._opaque[canonical] = OpaqueType(canonical)
-            near = self._store.near_package(canonical)
-            _log.warning("%s: its package is unknown%s; messages of this type are relayed unchecked", canonical, near)
         return opaque
 
     def service(self, name: str) -> ServiceType | OpaqueServiceType:

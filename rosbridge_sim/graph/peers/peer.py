@@ -193,7 +193,7 @@ class Peer(PeerBase):
     def _lose_answer(self, error: FrameError) -> None:
         """Fail the call or the goal whose answer cannot be read."""
         part = self.services if error.op == "service_response" else self.actions
-        part.fail_unreadable(error, f"The provider's answer cannot be read: {error}")
+        part.fail_unreadable(error)
 
     def set_level(self, op: ops.SetLevel, _now: float) -> None:
         """Send status frames up to another level from now on."""

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 
-from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
+from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.participant import decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type
-from rosbridge_sim.graph.peers.pending_work import Offers, PendingWork, find_awaited
+from rosbridge_sim.graph.peers.pending_work import Offers, PendingWork
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.schema.message import Message
 
@@ -17,7 +17,7 @@ class PeerActions(Offers[Goal]):
     """The actions of one client."""
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        super().__init__(peer, check_room)
+        super().__init__(peer, check_room, Goal.fail)
         self._actions = peer.bus.actions
         self._sent: dict[tuple[str, ops.Id], Goal] = {}
 
@@ -133,16 +133,6 @@ class PeerActions(Offers[Goal]):
             self._peer.session.remark("warning", text, op.id)
             self._peer.note(Reason.STRAY_ANSWER, text, op)
         return None if goal is None or goal.is_done else goal
-
-    def fail_unreadable(self, error: FrameError, why: str) -> None:
-        """Fail the goal whose result cannot be read; see `PeerServices.fail_unreadable`.
-
-        Args:
-            why: reason, for the caller.
-        """
-        goal = find_awaited(self._provided, error.op_id)
-        if goal is not None:
-            goal.fail(why)
 
     def forget(self) -> None:
         """Forget all actions and goals; the bus removes its own entries itself."""

@@ -13,10 +13,10 @@ import re
 import msgspec
 import orjson
 
-from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
+from rosbridge_sim.errors import GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type, split_id
-from rosbridge_sim.graph.peers.pending_work import Offers, PendingWork, find_awaited
+from rosbridge_sim.graph.peers.pending_work import Offers, PendingWork
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.json_encoding import call_head
@@ -31,7 +31,7 @@ class PeerServices(Offers[Call]):
     """The services of one client."""
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        super().__init__(peer, check_room)
+        super().__init__(peer, check_room, Call.refuse)
         self._bus = peer.bus
         self._session = peer.session
         self._policy = peer.policy
@@ -121,18 +121,6 @@ class PeerServices(Offers[Call]):
             said = "no result" if op.result is None else "result false"
             text = f'{name}: the answer has {said}; its values were passed on. Send "result": true'
             self._session.remark("warning", text, op.id)
-
-    def fail_unreadable(self, error: FrameError, why: str) -> None:
-        """Fail the call whose answer cannot be read, because its caller would wait for ever.
-
-        If the frame has no id of a call, the call is only known if exactly one waits.
-
-        Args:
-            why: reason, for the caller.
-        """
-        call = find_awaited(self._provided, error.op_id)
-        if call is not None:
-            call.refuse(why)
 
 
 def _is_empty_object(body: ops.OpBody) -> bool:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Generic, Protocol, TypeVar
 
+from rosbridge_sim.errors import FrameError
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase
 
 MIN_TIDY = 1_000
@@ -86,14 +87,16 @@ class PendingWork(Generic[W]):
 class Offers(Generic[W]):
     """The services, or the actions, that one client provides."""
 
-    def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
+    def __init__(self, peer: PeerBase, check_room: CheckRoom, fail: Callable[[W, str], None]) -> None:
         """Create an empty table.
 
         Args:
             check_room: called before it offers another one.
+            fail: ends a call or a goal, for a reason.
         """
         self._peer = peer
         self._check_room = check_room
+        self._fail = fail
         self._provided: dict[str, PendingWork[W]] = {}  # by absolute name
 
     @property
@@ -108,6 +111,15 @@ class Offers(Generic[W]):
             name: absolute name.
         """
         self._provided.pop(name, None)
+
+    def fail_unreadable(self, error: FrameError) -> None:
+        """Fail the call or goal whose answer cannot be read, because its caller would wait for ever.
+
+        If the frame has no id of one, it is only known if exactly one waits.
+        """
+        work = find_awaited(self._provided, error.op_id)
+        if work is not None:
+            self._fail(work, f"The provider's answer cannot be read: {error}")
 
     def forget(self) -> None:
         """Forget all; the bus removes its own entries itself."""
