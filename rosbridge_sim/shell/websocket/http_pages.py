@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from functools import partial
 from http import HTTPStatus
 from typing import TypeAlias
 
@@ -80,15 +81,22 @@ class HttpPages:
         """Return the answer to a request for a path."""
         if path == "/healthz":
             return self._tell_health(connection, request)
+        tell = self._teller_of(path)
+        if tell is None:
+            return self._answer_file(connection, request, path)
+        return self._gate.refuse_data(connection, request, path) or tell(connection, request)
+
+    def _teller_of(self, path: str) -> Callable[[ServedConnection, Request], Answer] | None:
+        """Return what answers those who may have data with that of a path; None where there is none."""
         if path == "/version":
-            return self._tell_version(connection, request)
+            return self._tell_version
         if path == "/metrics" and self.render_metrics is not None:
-            return self._tell_metrics(connection, request, self.render_metrics)
+            return partial(self._tell_metrics, self.render_metrics)
         if path == "/map.json" and self.ask_map is not None:
-            return self._tell_map(connection, request, self.ask_map)
+            return partial(self._tell_map, self.ask_map)
         if path == "/log.json" and self.render_log is not None:
-            return self._tell_log(connection, request, self.render_log)
-        return self._answer_file(connection, request, path)
+            return partial(self._tell_log, self.render_log)
+        return None
 
     def _answer_file(self, connection: ServedConnection, request: Request, path: str) -> Answer:
         if path in {"", "/"} and (self.page is None or not accepts(request, "Accept", "text/html")):
@@ -139,26 +147,21 @@ class HttpPages:
         response = answer_with(connection, code, f"{json.dumps(health)}\n".encode(), JSON_KIND)
         return self._gate.late_for_wrong_token(connection, request, response)
 
-    def _tell_version(self, connection: ServedConnection, request: Request) -> Answer:
-        """Answer name, version, protocol, and what drives vehicles on lanes, to those who may have data."""
-        refusal = self._gate.refuse_data(connection, request, "/version")
+    def _tell_version(self, connection: ServedConnection, _request: Request) -> Answer:
+        """Answer name, version, protocol, and what drives vehicles on lanes."""
         body = f"{json.dumps({**_VERSION, 'backend': backend()})}\n"
-        return refusal or answer_with(connection, HTTPStatus.OK, body.encode(), JSON_KIND)
+        return answer_with(connection, HTTPStatus.OK, body.encode(), JSON_KIND)
 
-    def _tell_metrics(self, connection: ServedConnection, request: Request, render: _RenderMetrics) -> Answer:
-        """Answer all counters in Prometheus's format, to those who may have data."""
-        refusal = self._gate.refuse_data(connection, request, "/metrics")
-        return refusal or self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
+    def _tell_metrics(self, render: _RenderMetrics, connection: ServedConnection, request: Request) -> Answer:
+        """Answer all counters in Prometheus's format."""
+        return self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
 
     async def _answer_metrics(self, connection: ServedConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
         body, content_type = await rendered
         return answer_with(connection, HTTPStatus.OK, body, content_type)
 
-    def _tell_log(self, connection: ServedConnection, request: Request, render: Callable[[bool], bytes]) -> Answer:
-        """Answer the last refusals and warnings, to those who may have data and subscribe to `/sim/refusals`."""
-        refusal = self._gate.refuse_data(connection, request, "/log.json")
-        if refusal is not None:
-            return refusal
+    def _tell_log(self, render: Callable[[bool], bytes], connection: ServedConnection, _request: Request) -> Answer:
+        """Answer the last refusals and warnings, to those who may subscribe to `/sim/refusals`."""
         policy = self._policy
         if not policy.may_subscribe(REFUSALS_TOPIC):
             text = f"Not allowed to subscribe to {REFUSALS_TOPIC}, which tells the same\n"
@@ -167,11 +170,8 @@ class HttpPages:
         response.headers["Cache-Control"] = "no-store"
         return response
 
-    def _tell_map(self, connection: ServedConnection, request: Request, ask: _AskMap) -> Answer:
-        """Answer the map as JSON, to those who may have data. Patterns for `/sim/map` hold for it."""
-        refusal = self._gate.refuse_data(connection, request, "/map.json")
-        if refusal is not None:
-            return refusal
+    def _tell_map(self, ask: _AskMap, connection: ServedConnection, request: Request) -> Answer:
+        """Answer the map as JSON. Patterns for `/sim/map` hold for it."""
         if not self._policy.may_call(MAP_SERVICE):
             return connection.respond(
                 HTTPStatus.FORBIDDEN, f"Not allowed to call {MAP_SERVICE}, which tells the same\n"
