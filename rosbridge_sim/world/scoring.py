@@ -35,7 +35,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from rosbridge_sim.records import Record
-from rosbridge_sim.world.contacts.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector
+from rosbridge_sim.world.contacts.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector, pair_codes
 from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collision
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among, run_of
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
@@ -147,6 +147,13 @@ class Loops(Protocol):
         """Return the entities nearest to rows, as `worlds.surroundings.find_others` does; None if arrays must do it."""
 
 
+_TOLD: Final = (
+    *("num_collisions", "num_red_lights", "num_stop_lines", "num_lane_invasions", "is_off_road", "time_to_collision"),
+    *("min_time_to_collision", "lane_offset", "max_lane_offset", "jerk", "max_jerk", "lateral_accel"),
+    "max_lateral_accel",
+)
+"""Columns that a `Score` has as they are."""
+
 SCORE_LOOPS: Final = LoopMaker[Callable[[WorldRows], Loops]]()
 """The loops that judge egos, from the next step on."""
 
@@ -201,23 +208,11 @@ def read_score(world: WorldRows, row: int) -> Score:
     return Score(
         since=world.score_since.item(row),
         distance=world.score_distance.item(row),
-        num_collisions=world.num_collisions.item(row),
         contact_ids=tuple(uid - 1 for uid in reversed(contacts.tolist()) if uid),
-        num_red_lights=world.num_red_lights.item(row),
-        num_stop_lines=world.num_stop_lines.item(row),
-        num_lane_invasions=world.num_lane_invasions.item(row),
         off_road_time=world.off_road_frames.item(row) * DT,
-        is_off_road=world.is_off_road.item(row),
-        time_to_collision=world.time_to_collision.item(row),
-        min_time_to_collision=world.min_time_to_collision.item(row),
-        lane_offset=world.lane_offset.item(row),
         mean_lane_offset=world.lane_offset_sum.item(row) / num_on_road,
-        max_lane_offset=world.max_lane_offset.item(row),
-        jerk=world.jerk.item(row),
-        max_jerk=world.max_jerk.item(row),
         rms_jerk=_root(world.jerk_square_sum.item(row) / num),
-        lateral_accel=world.lateral_accel.item(row),
-        max_lateral_accel=world.max_lateral_accel.item(row),
+        **{name: getattr(world, name).item(row) for name in _TOLD},
         rms_lateral_accel=_root(world.lateral_accel_square_sum.item(row) / num),
     )
 
@@ -233,7 +228,7 @@ def count_contacts(world: WorldRows, rows: IntArray, before: IntArray) -> None:
     now = world.contacts
     if not len(now):
         return
-    is_new = ~is_among(_keys(now), _keys(before)) if world.world_of_row is None else ~_are_among(now, before)
+    is_new = ~is_among(pair_codes(now), pair_codes(before)) if world.world_of_row is None else ~_are_among(now, before)
     new = now[is_new]
     both = np.concatenate([new, new[:, ::-1]])  # each pair once from either side
     order = np.lexsort((both[:, 1], both[:, 0]))
@@ -262,11 +257,6 @@ def _num_after(values: IntArray) -> IntArray:
     last = is_last.nonzero()[0]
     index = np.arange(len(values))
     return np.asarray(last[last.searchsorted(index)] - index)
-
-
-def _keys(pairs: IntArray) -> IntArray:
-    """Return one number for each pair of ids (m, 2)."""
-    return np.asarray((pairs[:, 0] << 31) | pairs[:, 1])  # ids have 31 bits
 
 
 def _are_among(pairs: IntArray, others: IntArray) -> BoolArray:

@@ -7,8 +7,9 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
-from rosbridge_sim.worlds.surroundings import are_places_on_road, find_others
+from rosbridge_sim.worlds.surroundings import find_others
 
 GRID_FIGURES: Final = ("presence", "vx", "vy", "on_road")
 """Figures of a cell: 1 if an entity is there; its velocity relative to the ego's, forward and left [m/s]; 1 if the
@@ -66,5 +67,5 @@ def find_grids(part: Part, size: float, step: float) -> FloatArray:
     roads = columns.roads.alone
     if len(roads):
         z = np.repeat(columns.z[rows], num * num)
-        found[:, 3] = are_places_on_road(roads, x.ravel(), y.ravel(), z).reshape(len(rows), -1)
+        found[:, 3] = are_on_road(roads, x.ravel(), y.ravel(), z).reshape(len(rows), -1)
     return found.reshape(len(rows), len(GRID_FIGURES), num, num)

@@ -9,8 +9,8 @@ import numpy as np
 from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.roads import LEVEL, Roads
+from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
-from rosbridge_sim.worlds.surroundings import are_places_on_road
 
 RAY_FIGURES: Final = ("distance", "speed")
 """Figures of a ray: distance to the first box or border, the length of the ray if there is none [m]; and the speed at
@@ -138,7 +138,7 @@ class _Borders:
         step = ((end - start) / count)[edge]
         first = start[edge] + piece * step
         beyond = first + 0.5 * step + outwards[edge]
-        is_border = ~are_places_on_road(roads, beyond.real, beyond.imag, height[edge])
+        is_border = ~are_on_road(roads, beyond.real, beyond.imag, height[edge])
         # Neighbouring pieces of one edge are one border again.
         goes_on = is_border[1:] & is_border[:-1] & (edge[1:] == edge[:-1])
         begins, ends = is_border.copy(), is_border.copy()

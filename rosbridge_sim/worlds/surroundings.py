@@ -12,7 +12,6 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.scoring import LANES_AHEAD, SCORE_LOOPS
-from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
 
 OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length", "width")
@@ -20,16 +19,6 @@ OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length"
 [m]; its velocity relative to that of the ego [m/s]; its direction; its size [m]."""
 
 LANE_FIGURES: Final = ("offset", "heading", "to_left", "to_right", "speed_limit", "is_on_road", "s", "lane")
-
-
-PLACES_AT_ONCE: Final = 1 << 10
-"""A search for lanes near places does not look at all places of a larger crowd."""
-
-
-def are_places_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
-    """Return which places are within the edges of any lane, (k,), of as many places as wanted; see `are_on_road`."""
-    parts = [slice(start, start + PLACES_AT_ONCE) for start in range(0, len(x), PLACES_AT_ONCE)]
-    return np.concatenate([np.zeros(0, bool), *(are_on_road(roads, x[part], y[part], z[part]) for part in parts)])
 
 
 def find_others(part: Part, num: int) -> FloatArray:

@@ -10,8 +10,8 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Body, Kind
+from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
-from rosbridge_sim.worlds.surroundings import are_places_on_road
 from tests.world.road_factory import ego, line, make, road
 
 LIBRARY = DiskLibrary()
@@ -30,7 +30,7 @@ def walk(worlds: Worlds, num: int, reach: float) -> np.ndarray:
     x0, y0 = world.x[row] + world.centre[row] * np.cos(yaw), world.y[row] + world.centre[row] * np.sin(yaw)
     angle = yaw + 2.0 * np.pi * np.arange(num)[:, None] / num
     x, y = x0 + away * np.cos(angle), y0 + away * np.sin(angle)
-    is_hit = ~are_places_on_road(world.roads, x.ravel(), y.ravel(), np.full(x.size, world.z[row])).reshape(x.shape)
+    is_hit = ~are_on_road(world.roads, x.ravel(), y.ravel(), np.full(x.size, world.z[row])).reshape(x.shape)
     for other in np.flatnonzero(world.alive):
         if other != row:
             cos, sin = np.cos(world.yaw[other]), np.sin(world.yaw[other])

@@ -549,6 +549,11 @@ def find_crashes(world: WorldRows, most: int) -> IntArray:
     return np.asarray(found[(world.kind[found] == int(Kind.VEHICLE)).all(axis=1)][:most])
 
 
+def pair_codes(pairs: IntArray) -> IntArray:
+    """Return one number for each pair of ids (m, 2)."""
+    return np.asarray((pairs[:, 0] << 31) | pairs[:, 1])  # ids have 31 bits
+
+
 def _unit(yaw: FloatArray) -> ComplexArray:
     """Return headings [rad] as complex unit vectors."""
     unit = np.empty(yaw.shape, dtype=np.complex128)

@@ -30,7 +30,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.contacts.collisions import POSE_X, POSE_Y, POSE_YAW, POSE_Z, CollisionDetector
+from rosbridge_sim.world.contacts.collisions import POSE_X, POSE_Y, POSE_YAW, POSE_Z, CollisionDetector, pair_codes
 from rosbridge_sim.world.contacts.impact_mechanics import Rigid, play
 from rosbridge_sim.world.geometry.planar import (
     BoolArray,
@@ -62,9 +62,6 @@ in this step; most of them are apart again, or get their turn, in the next ones.
 NEAR: Final = 0.5
 """Distance beyond the motion of a step within which others may be hit by a row that is thrown aside [m]."""
 
-_FIRST_OF_PAIR: Final = 1 << 31
-"""Factor of the lower id in the number that stands for a pair: ids are below it."""
-
 
 def collide(world: WorldRows, dt: float) -> None:
     """Change the motion of what has touched in this step; `collisions.find` has found it.
@@ -87,7 +84,7 @@ def _collide(world: World, dt: float) -> None:
     rows = _rows_of(world, world.contacts)
     is_free, is_solid = _find_free(world), _find_solid(world)
     acts = is_solid[rows].all(axis=1) & is_free[rows].any(axis=1)
-    is_passing = is_among(_codes(world.contacts), _codes(world.passing)) | ~acts
+    is_passing = is_among(pair_codes(world.contacts), pair_codes(world.passing)) | ~acts
     was_placed = np.flatnonzero(np.isin(world.contacts, sorted(placed)).any(axis=1))
     if len(was_placed):
         is_passing[was_placed] |= _overlap(world, rows[was_placed], poses[0])
@@ -157,7 +154,7 @@ class _Crash:
         pairs = rows[:MAX_PAIRS]
         if len(rows) < MAX_PAIRS:
             pairs = np.concatenate([pairs, self._find_neighbours(distinct(pairs))])
-            pairs = pairs[np.unique(_codes(world.uid[pairs]), return_index=True)[1]][:MAX_PAIRS]
+            pairs = pairs[np.unique(pair_codes(world.uid[pairs]), return_index=True)[1]][:MAX_PAIRS]
         self._rows, index = np.unique(pairs, return_inverse=True)
         self._pairs: list[tuple[int, int]] = [(i, j) for i, j in index.reshape(-1, 2).tolist()]
 
@@ -188,7 +185,7 @@ class _Crash:
         first, second = is_near.nonzero()
         pairs = np.stack([thrown[first], others[second]], axis=1)
         pairs = np.where((world.uid[pairs[:, 0]] < world.uid[pairs[:, 1]])[:, None], pairs, pairs[:, ::-1])
-        return np.asarray(pairs[~is_among(_codes(world.uid[pairs]), _codes(world.passing))])
+        return np.asarray(pairs[~is_among(pair_codes(world.uid[pairs]), pair_codes(world.passing))])
 
     def _rigid(self, row: int) -> Rigid:
         """Return a row as a body within this step."""
@@ -285,11 +282,6 @@ def _figures(world: WorldRows, rows: IntArray) -> FloatArray:
 def _rows_of(world: World, pairs: IntArray) -> IntArray:
     """Return the rows of ids (m, 2), of the same shape."""
     return np.array([[world.row(a), world.row(b)] for a, b in pairs.tolist()], dtype=np.int64)
-
-
-def _codes(pairs: IntArray) -> IntArray:
-    """Return one number for each pair of ids, (m,)."""
-    return np.asarray(pairs[:, 0] * _FIRST_OF_PAIR + pairs[:, 1])
 
 
 def _overlap(world: WorldRows, rows: IntArray, poses: FloatArray) -> BoolArray:

@@ -41,76 +41,28 @@ HEAVY_LENGTH: Final = 7.0
 """A longer vehicle is a bus or a heavy truck [m]: vans end at 6.9 m."""
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """Distribution of one parameter in one class: a bell with bounds."""
+_TABLE: Final = """
+              bicycle            | motorcycle          | car                | light goods        | heavy
+speed_factor  1 0.08 0.85 1.2    | 1.05 0.08 0.85 1.25 | 1 0.08 0.85 1.2    | 1 0.06 0.85 1.15   | 0.95 0.05 0.85 1.05
+desired_speed 5 0.7 3 7.5        | 45 0 45 45          | 45 0 45 45         | 40 0 40 40         | 25 0 25 25
+headway       1 0.1 0.7 1.4      | 0.9 0.1 0.65 1.2    | 1 0.12 0.7 1.4     | 1.1 0.12 0.75 1.5  | 1.3 0.15 0.9 1.8
+accel         0.9 0.1 0.6 1.2    | 2.4 0.2 1.8 2.6     | 2.4 0.15 1.8 2.6   | 1.7 0.15 1.2 2.2   | 1.1 0.08 0.9 1.3
+comfort       1.5 0.15 1 2       | 2 0.15 1.5 2.4      | 2 0.15 1.5 2.4     | 1.9 0.15 1.5 2.3   | 1.5 0.1 1.2 1.8
+lateral       1.8 0.2 1.2 2.4    | 2.8 0.3 2 3.4       | 2.5 0.25 1.8 3     | 2.2 0.2 1.6 2.8    | 1.4 0.12 1 1.8
+reaction      0.3 0.05 0.15 0.45 | 0.3 0.05 0.15 0.45  | 0.3 0.05 0.15 0.45 | 0.3 0.05 0.15 0.45 | 0.3 0.05 0.15 0.45
+politeness    0.3 0.1 0 0.6      | 0.3 0.1 0 0.6       | 0.3 0.1 0 0.6      | 0.3 0.1 0 0.6      | 0.3 0.1 0 0.6
+change_time   4.4 0.6 3 6        | 4.4 0.6 3 6         | 4.4 0.6 3 6        | 4.4 0.6 3 6        | 5.2 0.4 4.2 6
+most_lateral  2.4 0 2.4 2.4      | 3.7 0 3.7 3.7       | 3.25 0 3.25 3.25   | 2.8 0 2.8 2.8      | 1.76 0 1.76 1.76
+"""
+"""Mean, standard deviation, and bounds of each parameter in each class. The desired speeds are those of riders in calm
+traffic, and those of the speed limiters of heavy vehicles in Europe; `most_lateral` is three deviations above the mean
+lateral acceleration."""
 
-    mean: float
-    deviation: float
-    least: float
-    most: float
-
-
-_CAR_REACTION: Final = Figure(0.3, 0.05, 0.15, 0.45)
-_ANY_POLITENESS: Final = Figure(0.3, 0.1, 0.0, 0.6)
-_ANY_CHANGE_TIME: Final = Figure(4.4, 0.6, 3.0, 6.0)
-
-FIGURES: Final[dict[str, tuple[Figure, Figure, Figure, Figure, Figure]]] = {
-    # in the order of the classes: bicycle, motorcycle, car, light goods, heavy
-    "speed_factor": (
-        Figure(1.0, 0.08, 0.85, 1.2),
-        Figure(1.05, 0.08, 0.85, 1.25),
-        Figure(1.0, 0.08, 0.85, 1.2),
-        Figure(1.0, 0.06, 0.85, 1.15),
-        Figure(0.95, 0.05, 0.85, 1.05),
-    ),
-    "desired_speed": (  # of riders, in calm traffic; the speed limiters of heavy vehicles in Europe
-        Figure(5.0, 0.7, 3.0, 7.5),
-        Figure(45.0, 0.0, 45.0, 45.0),
-        Figure(45.0, 0.0, 45.0, 45.0),
-        Figure(40.0, 0.0, 40.0, 40.0),
-        Figure(25.0, 0.0, 25.0, 25.0),
-    ),
-    "headway": (
-        Figure(1.0, 0.1, 0.7, 1.4),
-        Figure(0.9, 0.1, 0.65, 1.2),
-        Figure(1.0, 0.12, 0.7, 1.4),
-        Figure(1.1, 0.12, 0.75, 1.5),
-        Figure(1.3, 0.15, 0.9, 1.8),
-    ),
-    "accel": (
-        Figure(0.9, 0.1, 0.6, 1.2),
-        Figure(2.4, 0.2, 1.8, 2.6),
-        Figure(2.4, 0.15, 1.8, 2.6),
-        Figure(1.7, 0.15, 1.2, 2.2),
-        Figure(1.1, 0.08, 0.9, 1.3),
-    ),
-    "comfort": (
-        Figure(1.5, 0.15, 1.0, 2.0),
-        Figure(2.0, 0.15, 1.5, 2.4),
-        Figure(2.0, 0.15, 1.5, 2.4),
-        Figure(1.9, 0.15, 1.5, 2.3),
-        Figure(1.5, 0.1, 1.2, 1.8),
-    ),
-    "lateral": (
-        Figure(1.8, 0.2, 1.2, 2.4),
-        Figure(2.8, 0.3, 2.0, 3.4),
-        Figure(2.5, 0.25, 1.8, 3.0),
-        Figure(2.2, 0.2, 1.6, 2.8),
-        Figure(1.4, 0.12, 1.0, 1.8),
-    ),
-    "reaction": (_CAR_REACTION,) * 5,
-    "politeness": (_ANY_POLITENESS,) * 5,
-    "change_time": (*(_ANY_CHANGE_TIME,) * 4, Figure(5.2, 0.4, 4.2, 6.0)),
-    # Three deviations above the mean lateral acceleration
-    "most_lateral": (
-        Figure(2.4, 0.0, 2.4, 2.4),
-        Figure(3.7, 0.0, 3.7, 3.7),
-        Figure(3.25, 0.0, 3.25, 3.25),
-        Figure(2.8, 0.0, 2.8, 2.8),
-        Figure(1.76, 0.0, 1.76, 1.76),
-    ),
+FIGURES: Final = {
+    name: np.array([cell.split() for cell in cells.split("|")], dtype=np.float64).T
+    for name, cells in (line.split(None, 1) for line in _TABLE.strip().splitlines()[1:])
 }
+"""The same, (4, classes) of each parameter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +108,7 @@ class DriverParameters:
         varies = np.where(world.kind[rows] == int(Kind.EGO), 0.0, 1.0)
         columns = []
         for question, each in enumerate(fields(cls)):
-            mean, deviation, least, most = _TABLES[each.name].take(kinds, axis=1)
+            mean, deviation, least, most = FIGURES[each.name].take(kinds, axis=1)
             value = mean + deviation * (varies * bell(salt, question))
             columns.append(np.fmin(np.fmax(value, least), most))
         drivers = cls(*columns)
@@ -167,13 +119,7 @@ class DriverParameters:
 
     def take(self, which: IntArray) -> DriverParameters:
         """Return the parameters of some of the drivers; `which` is (m,) int64."""
-        return DriverParameters(*(getattr(self, name)[which] for name in _TABLES))
-
-
-_TABLES: Final = {
-    each.name: np.array([(figure.mean, figure.deviation, figure.least, figure.most) for figure in FIGURES[each.name]]).T
-    for each in fields(DriverParameters)
-}
+        return DriverParameters(*(getattr(self, name)[which] for name in FIGURES))
 
 
 def classes_of(length: FloatArray, width: FloatArray, height: FloatArray) -> IntArray:

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.world.drivers.rule_operators import ARRAYS, RuleOperators, V
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows, run_of
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import DT, Kind
@@ -104,8 +104,7 @@ class LaneWander:
         may = (world.kind[rows] == int(Kind.VEHICLE)) & (world.lateral_bias[rows] == 0.0)
         self.which = (may & (world.wander_width[rows] > 0.0)).nonzero()[0]
         mine = rows[self.which]
-        is_run = len(mine) > 0 and int(mine[-1]) - int(mine[0]) + 1 == len(mine)
-        self._at: slice | IntArray = slice(int(mine[0]), int(mine[-1]) + 1) if is_run else mine
+        self._at = run_of(mine) if len(mine) else mine
         self.rates, self.phases = _waves_of(world.salts(mine))
         self._rows = mine
         self.width = world.wander_width[mine]

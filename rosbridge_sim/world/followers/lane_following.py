@@ -45,7 +45,7 @@ from rosbridge_sim.world.followers.other_entities import OtherEntities
 from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.bends import offset, stretch
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, is_any, of_rows, wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, is_any, of_rows, run_of, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
@@ -213,10 +213,8 @@ class LaneFollowers:
         self.num = len(self.rows)
         if not self.num:
             return
-        first, last = int(self.rows[0]), int(self.rows[-1])
-        is_run = last - first + 1 == self.num
-        self.at: slice | IntArray = slice(first, last + 1) if is_run else self.rows
-        self._views = tuple(world.block(*_MOTION)[:, self.at]) if is_run else ()
+        self.at = run_of(self.rows)
+        self._views = tuple(world.block(*_MOTION)[:, self.at]) if isinstance(self.at, slice) else ()
         self.roads = world.roads
         self._is_few = self.num <= FEW and not self.roads.has_long_legs
         self._cells = [column.data for column in world.block(*_MOTION)] if self._is_few else []

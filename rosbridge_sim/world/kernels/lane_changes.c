@@ -25,6 +25,12 @@ static inline D follow_as_mean(D speed, D desired, D gap, D lead_speed) {
   return chosen;
 }
 
+/* Has a driver brake at least as the mean driver would behind another one, but not harder than `hardest`. */
+static void brake_behind(K *k, I i, D speed, D gap, D lead_speed, D hardest) {
+  D brakes = follow_as_mean(speed, k->desired_now[i], gap, lead_speed);
+  k->wanted[i] = least(k->wanted[i], most(brakes, -hardest));
+}
+
 /* LaneLook._find_run */
 static D find_run(const K *k, const I *lanes, D s) {
   D run = -s;
@@ -257,8 +263,7 @@ static void look_beside(K *k, I i, Look *look) {
 static void leave_room(K *k, I i) {
   D speed = k->speed[k->rows[i]];
   if (k->lead[i] >= 0 || !(k->gap[i] < BLOCKED_WAY && k->lead_speed[i] < SLOW && speed < SLOW)) return;
-  D brakes = follow_as_mean(speed, k->desired_now[i], k->gap[i] - SPARE_ROOM, k->lead_speed[i]);
-  k->wanted[i] = least(k->wanted[i], most(brakes, -FIRM));
+  brake_behind(k, i, speed, k->gap[i] - SPARE_ROOM, k->lead_speed[i], FIRM);
 }
 
 /* LaneChanges.find_lateral, and find_leaving for one driver. */
@@ -323,7 +328,7 @@ static I mind_old_lanes(K *k) {
       after = beyond >= 0 ? k->q_first[beyond] : k->num_entries;
       way = k->length[lane] - k->left_s[j];
     }
-    D gap = way + k->q_tail[after] - k->nose[i], lead_speed = k->q_speed[after], speed = k->speed[r], brakes;
+    D gap = way + k->q_tail[after] - k->nose[i], lead_speed = k->q_speed[after], speed = k->speed[r];
     if (looks_closely(gap, lead_speed, k->lateral_bend[r] != 0.0)) {
       k->looking[num++] = j;
       continue;
@@ -333,8 +338,7 @@ static I mind_old_lanes(K *k) {
       k->wanted[i] = least(k->wanted[i], 0.0);
     if (!is_in_the_way(k, i, across, done, gap, lead_speed, speed)) continue;
     D needed = most(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * most(gap, CREEP));
-    brakes = follow_as_mean(speed, k->desired_now[i], gap, lead_speed);
-    k->wanted[i] = least(k->wanted[i], most(brakes, -least(most(needed, FIRM), HARDEST)));
+    brake_behind(k, i, speed, gap, lead_speed, least(most(needed, FIRM), HARDEST));
   }
   return num;
 }
@@ -391,20 +395,15 @@ EXPORT I look_at_lanes_beside(K *k) {
 static void open_gaps(K *k, I i, const Look *look, I waited) {
   const Option *option = &look->options[look->side];
   I follower = option->follower;
-  if (waited % (2 * COURTESY) < COURTESY && look->is_clear && follower >= 0) {
-    D speed = k->speed[k->rows[follower]];
-    D brakes = follow_as_mean(speed, k->desired_now[follower], option->gap_behind, look->speed);
-    k->wanted[follower] = least(k->wanted[follower], most(brakes, -KIND_BRAKING));
-  }
-  D brakes = follow_as_mean(look->speed, k->desired_now[i], option->gap, option->lead_speed);
-  k->wanted[i] = least(k->wanted[i], most(brakes, -KIND_BRAKING));
+  if (waited % (2 * COURTESY) < COURTESY && look->is_clear && follower >= 0)
+    brake_behind(k, follower, k->speed[k->rows[follower]], option->gap_behind, look->speed, KIND_BRAKING);
+  brake_behind(k, i, look->speed, option->gap, option->lead_speed, KIND_BRAKING);
 }
 
 /* LaneLook._keep_room */
 static void keep_room(K *k, I i, const Look *look) {
   D room = PULL_OUT + PULL_OUT_PER_LENGTH * most(k->body_length[i] - CAR_LENGTH, 0.0);
-  D brakes = follow_as_mean(look->speed, k->desired_now[i], k->gap[i] - room, k->lead_speed[i]);
-  k->wanted[i] = least(k->wanted[i], most(brakes, -HARDEST));
+  brake_behind(k, i, look->speed, k->gap[i] - room, k->lead_speed[i], HARDEST);
 }
 
 /* The signals, and who begins, with is_clear of the looks `at`. Returns how many begin: at, side, is_tight. */

@@ -47,6 +47,28 @@ static I locate(const K *k, I lane, D s, D *share) {
   return point;
 }
 
+/* bends.offset and bends.slope, of the leg behind a point. */
+static inline D bend_aside(const K *k, I point, D along, D length) {
+  return along * (length - along) * (k->curve[2 * point] + k->curve[2 * point + 1] * along);
+}
+static inline D bend_slope(const K *k, I point, D along, D length) {
+  D p = k->curve[2 * point], q = k->curve[2 * point + 1];
+  return length * p + along * (2.0 * (length * q - p) - 3.0 * q * along);
+}
+static inline int is_straight(const K *k, I point) { return k->curve[2 * point] == 0.0 && k->curve[2 * point + 1] == 0.0; }
+
+/* Roads.places, of a place on a lane. */
+static void find_place(const K *k, I lane, D s, D *x, D *y) {
+  D share;
+  I point = locate(k, lane, s, &share);
+  const D *here = k->points + 3 * point;
+  D east = here[3] - here[0], north = here[4] - here[1], length = k->segment_length[k->segment_of_point[point]];
+  *x = here[0] + share * east, *y = here[1] + share * north;
+  if (is_straight(k, point)) return;
+  D aside = bend_aside(k, point, share * length, length) / length;
+  *x -= aside * north, *y += aside * east;
+}
+
 /* LaneNeighbours.cross: the lane beside a place, -1 for none, and the place on it. */
 static I cross(const K *k, I side, I lane, D s, D *beside) {
   D share;

@@ -3,10 +3,8 @@
 
 /* bends.stretch, in the middle of the distance ahead. */
 static D find_stretch(const K *k, I r, D distance) {
-  const D *curve = k->curve + 2 * k->point[r];
-  D length = k->leg_end[r] - k->leg_start[r], p = curve[0], q = curve[1];
-  D along = least(k->arc[r] - k->leg_start[r] + 0.5 * distance, length);
-  D slant = length * p + along * (2.0 * (length * q - p) - 3.0 * q * along);
+  D length = k->leg_end[r] - k->leg_start[r], along = least(k->arc[r] - k->leg_start[r] + 0.5 * distance, length);
+  D slant = bend_slope(k, k->point[r], along, length);
   return sqrt(1.0 + slant * slant);
 }
 
@@ -14,18 +12,11 @@ static inline D on_chords(const K *k, I r, D distance) {
   return k->has_long_legs ? distance / find_stretch(k, r, distance) : distance;
 }
 
-/* Roads.at, for a place that may be beyond the end of the lane. */
-static void find_place(const K *k, I r, D s, D *x, D *y) {
+/* A place on the lanes of a driver, which may be beyond the end of the first one. */
+static void find_ahead(const K *k, I r, D s, D *x, D *y) {
   I lane = k->lane[r];
   for (I j = 1; j < NUM_LANES && s > k->length[lane] && LANE(r, j) >= 0; j++) s -= k->length[lane], lane = LANE(r, j);
-  D share;
-  I point = locate(k, lane, s, &share);
-  const D *here = k->points + 3 * point, *curve = k->curve + 2 * point;
-  D east = here[3] - here[0], north = here[4] - here[1], length = k->segment_length[k->segment_of_point[point]];
-  *x = here[0] + share * east, *y = here[1] + share * north;
-  if (curve[0] == 0.0 && curve[1] == 0.0) return;
-  D along = share * length, aside = along * (length - along) * (curve[0] + curve[1] * along) / length;
-  *x -= aside * north, *y += aside * east;
+  find_place(k, lane, s, x, y);
 }
 
 /* New accelerations, with their lag but for egos. */
@@ -59,8 +50,8 @@ EXPORT I look_at_headings(K *k) {
     k->distance[i] = time * (speed + 0.5 * accel * time), k->heading[i] = k->straight_yaw[k->point[r]];
     D rear = k->arc[r] + on_chords(k, r, k->distance[i]), front = rear + k->wheelbase[i], x, y, nose_x, nose_y;
     if (k->distance[i] <= 0.0 || front <= k->straight_end[k->point[r]]) continue;
-    find_place(k, r, rear, &x, &y);
-    find_place(k, r, front, &nose_x, &nose_y);
+    find_ahead(k, r, rear, &x, &y);
+    find_ahead(k, r, front, &nose_x, &nose_y);
     k->east[num] = nose_x - x, k->north[num] = nose_y - y, k->at[num++] = i;
   }
   return num;
@@ -221,9 +212,8 @@ static void move_row(K *k, I i, D dt) {
   k->arc[r] += on_chords(k, r, find_way(k, i, r, (before + after) * (0.5 * dt), dt));
   k->speed[r] = after;
   if (k->arc[r] >= k->leg_end[r]) pass_end(k, i, r);
-  const D *curve = k->curve + 2 * k->point[r];
   D distance = k->arc[r] - k->leg_start[r], length = least(k->leg_end[r] - k->leg_start[r], LONGEST_LEG);
-  D aside = distance * (length - distance) * (curve[0] + curve[1] * distance);
+  D aside = bend_aside(k, k->point[r], distance, length);
   k->x[r] = distance * k->leg_dx[r] + k->leg_x[r] - aside * k->leg_dy[r];
   k->y[r] = distance * k->leg_dy[r] + k->leg_y[r] + aside * k->leg_dx[r];
   k->z[r] = distance * k->leg_dz[r] + k->leg_z[r];

@@ -123,13 +123,12 @@ static const I *look_up(K *k, I east, I north, I level, I sector) {
 /* Roads._places: the place on its lane's line, which leaves its chord in bends; and how far beyond its ends it is. */
 static D bend(const K *k, Foot *foot, D *slope) {
   I point = k->segment_point[foot->segment];
-  D p = k->curve[2 * point], q = k->curve[2 * point + 1], along = foot->along;
-  *slope = 0.0;
-  if (p == 0.0 && q == 0.0) return foot->distance - fabs(foot->lateral);
   D length = k->segment_length[foot->segment], beyond = foot->distance - fabs(foot->lateral);
-  foot->lateral = foot->lateral - along * (length - along) * (p + q * along);
+  *slope = 0.0;
+  if (is_straight(k, point)) return beyond;
+  foot->lateral = foot->lateral - bend_aside(k, point, foot->along, length);
   foot->distance = fabs(foot->lateral) + beyond;
-  *slope = length * p + along * (2.0 * (length * q - p) - 3.0 * q * along);
+  *slope = bend_slope(k, point, foot->along, length);
   return foot->distance - fabs(foot->lateral);
 }
 
@@ -240,24 +239,13 @@ static I find_lanes_below(K *k) {
   return 0;
 }
 
-/* A place at an arc length from the start of a lane, beyond whose end the lanes straight on follow; see Roads.places. */
+/* A place at an arc length from the start of a lane, beyond whose end the lanes straight on follow. */
 static void find_point(const K *k, I lane, D s, D *x, D *y) {
   for (I j = 0; j < LANES_AHEAD && s > k->length[lane] && k->straight_on[lane] >= 0; j++) {
     s -= k->length[lane];
     lane = k->straight_on[lane];
   }
-  D share;
-  I point = locate(k, lane, s, &share);
-  const D *start = k->points + 3 * point;
-  D step_x = start[3] - start[0], step_y = start[4] - start[1];
-  D p = k->curve[2 * point], q = k->curve[2 * point + 1];
-  *x = start[0] + share * step_x;
-  *y = start[1] + share * step_y;
-  if (p == 0.0 && q == 0.0) return;
-  D length = k->segment_length[k->segment_of_point[point]], along = share * length;
-  D aside = along * (length - along) * (p + q * along) / length;
-  *x -= aside * step_y;
-  *y += aside * step_x;
+  find_place(k, lane, s, x, y);
 }
 
 /* surroundings.find_lanes, of rows whose headings are in `cosine` and `sine`; returns what `find_lanes_below` does. */

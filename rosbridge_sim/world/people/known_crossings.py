@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, asdict
 from rosbridge_sim.world.geometry.planar import IntArray, ranges
 from rosbridge_sim.world.people.crossings import Crossings, find_crossings
 from rosbridge_sim.world.roads.roads import Roads
@@ -49,7 +49,7 @@ class _Table(Record, eq=False):
         count = self.count[numbers]
         rows = ranges((np.cumsum(self.count) - self.count)[numbers], count)
         all_of = self.crossings
-        return count, Crossings(all_of.start[rows], all_of.end[rows], all_of.light[rows], all_of.ends[rows])
+        return count, Crossings(*(column[rows] for column in asdict(all_of).values()))
 
 
 _NO_ROWS: Final = np.empty(0, dtype=np.int64)
@@ -87,10 +87,7 @@ def _extend(table: _Table, missing: dict[_Key, tuple[World, int]]) -> _Table:
         {**table.numbers, **{key: len(table.count) + i for i, key in enumerate(missing)}},
         np.append(table.count, [len(each.start) for each in found]),
         Crossings(
-            np.concatenate([each.start for each in parts]),
-            np.concatenate([each.end for each in parts]),
-            np.concatenate([each.light for each in parts]),
-            np.concatenate([each.ends for each in parts]),
+            *(np.concatenate(columns) for columns in zip(*(asdict(each).values() for each in parts), strict=True))
         ),
     )
 

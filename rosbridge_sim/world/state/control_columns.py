@@ -31,18 +31,13 @@ _GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gea
 
 
 BODY_COLUMNS: Final = {
-    "wheelbase": "wheelbase",
     "steer_rate": "max_steer_rate",
-    "max_steer": "max_steer",
-    "max_accel": "max_accel",
-    "max_decel": "max_decel",
-    "rolling": "rolling",
-    "drag": "drag",
     "speed_accel": "speed_mode_accel",
     "speed_decel": "speed_mode_decel",
     **{
         name: name
         for name in (
+            *("wheelbase", "max_steer", "max_accel", "max_decel", "rolling", "drag"),
             *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "grip_along"),
             *("front_drive", "pitch_gain", "roll_gain", "launch_accel", "power", "top_speed"),
             *("air_drag", "engine_drag"),

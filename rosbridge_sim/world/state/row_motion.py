@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.roads.paths import DX, DY, DZ, END, START, TURN, YAW, Paths, Segments, X, Y, Z
@@ -66,15 +67,7 @@ class RowMotion(WorldRows):
         self._leave_path_or_lane(row)
         # Numpy takes 5 us for one angle. Nearly all are wrapped already, and then keep their bits.
         wrapped = yaw if -_SURELY_WRAPPED < yaw < _SURELY_WRAPPED else wrap_angle(yaw)
-        self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrapped
-        self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
-        self.start_within[row] = self.start_speed[row] = 0.0
-        self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
-        self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
-        self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
-        self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
-        self.climb[row] = self.climb_accel[row] = 0.0
-        self.block("drive_lag", "roll_rate")[:, row] = 0.0
+        self._lay_leg(row, (x, y, z, wrapped, speed), (math.cos(yaw), math.sin(yaw)))
         if self.loose[row]:
             self.loose[row] = 0.0
             self.touch()
@@ -99,22 +92,32 @@ class RowMotion(WorldRows):
         """Place many rows as `place` does; all arguments are (m,), and no row comes twice."""
         for row in rows[self.has_lane[rows] | self.has_path[rows]].tolist():
             self._leave_path_or_lane(row)
-        self.x[rows], self.y[rows], self.z[rows], self.yaw[rows] = x, y, z, wrap_angle(yaw)
-        self.speed[rows], self.accel[rows], self.lateral_accel[rows], self.yaw_rate[rows] = speed, 0.0, 0.0, 0.0
-        self.start_within[rows] = self.start_speed[rows] = 0.0
-        self.arc[rows], self.leg_start[rows], self.leg_end[rows] = 0.0, 0.0, np.inf
-        self.leg_x[rows], self.leg_y[rows], self.leg_z[rows] = x, y, z
         headings = yaw.tolist()  # by the functions that `place` uses: numpy's can differ in the last bit
-        self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
-        self.leg_dz[rows] = 0.0
-        self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
-        self.climb[rows] = self.climb_accel[rows] = 0.0
-        self.block("drive_lag", "roll_rate")[:, rows] = 0.0
+        ahead = list(map(math.cos, headings)), list(map(math.sin, headings))
+        self._lay_leg(rows, (x, y, z, wrap_angle(yaw), speed), ahead)
         self.loose[rows] = 0.0
         if self.has_impacts:
             self.placed_uids.update(self.uid[rows].tolist())
         self.near_lane[rows] = self.open_line[rows] = 0
         self.touch()
+
+    def _lay_leg(
+        self, at: int | IntArray, pose: tuple[npt.ArrayLike, ...], ahead: tuple[npt.ArrayLike, npt.ArrayLike]
+    ) -> None:
+        """Have a row, or many, begin a straight leg that never ends, without acceleration.
+
+        Args:
+            pose: x, y, z, yaw and speed.
+            ahead: direction of the leg, east and north.
+        """
+        self.x[at], self.y[at], self.z[at], self.yaw[at], self.speed[at] = pose
+        self.leg_x[at], self.leg_y[at], self.leg_z[at], self.leg_yaw[at], _ = pose
+        self.leg_dx[at], self.leg_dy[at] = ahead
+        self.leg_end[at] = np.inf
+        self.accel[at] = self.lateral_accel[at] = self.yaw_rate[at] = self.climb[at] = self.climb_accel[at] = 0.0
+        self.start_within[at] = self.start_speed[at] = 0.0
+        self.arc[at] = self.leg_start[at] = self.leg_dz[at] = self.leg_turn[at] = 0.0
+        self.block("drive_lag", "roll_rate")[:, at] = 0.0
 
     def _join_path(self, row: int, base: int, segments: Segments, *, is_loop: bool) -> None:
         """Have a row follow a path that is in the store already."""

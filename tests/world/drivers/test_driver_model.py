@@ -25,7 +25,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 
 def typical(**figures: float) -> DriverParameters:
     """The mean driver of a car, but for some figures."""
-    means = {each.name: FIGURES[each.name][CAR].mean for each in fields(DriverParameters)}
+    means = {each.name: FIGURES[each.name].item(0, CAR) for each in fields(DriverParameters)}
     return DriverParameters(**{name: np.array([value]) for name, value in (means | figures).items()})
 
 
