@@ -67,7 +67,7 @@ def test_object_accelerations_are_differences_of_object_velocities(profile: Prof
     harness = SimHarness("crossing", start="sync", profile=profile)
     client = harness.client()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2) | {"camera_index": 0})
-    frames = drive(client, 800, longlCmdType=2, velocity=20.0, steering=0.2)
+    frames = drive(client, 500, longlCmdType=2, velocity=20.0, steering=0.2)
     assert max(one["type"] for one in frames[0].values()) == 1
     waiting = 0
     for before, now in pairwise(frames):

@@ -67,7 +67,7 @@ def test_a_stamped_twist_is_taken_instead_if_it_was_chosen(ros: Generation) -> N
 
 @pytest.mark.parametrize("direction", [1, -1])
 def test_a_twist_gives_speed_and_yaw_rate_also_backwards(sim: SimHarness, client: Client, direction: int) -> None:
-    for _ in range(200):
+    for _ in range(120):
         client.send("/cmd_vel", TWIST, linear={"x": 3.0 * direction}, angular={"z": 0.2})
         sim.run(0.02)
     twist = client.messages("/odom")[-1]["twist"]["twist"]
@@ -76,7 +76,7 @@ def test_a_twist_gives_speed_and_yaw_rate_also_backwards(sim: SimHarness, client
 
 
 def test_the_direction_changes_after_a_stand(sim: SimHarness, client: Client) -> None:
-    for speed, frames in ((4.0, 110), (-2.0, 220)):
+    for speed, frames in ((4.0, 110), (-2.0, 170)):
         for _ in range(frames):
             client.send("/ackermann_cmd", ACKERMANN, drive={"speed": speed})
             sim.run(0.02)

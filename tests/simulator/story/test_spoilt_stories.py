@@ -148,13 +148,13 @@ def test_the_file_that_is_spoilt_is_good() -> None:
 
 
 @given(edits(), st.booleans())
-@examples(560, quick=35)
+@examples(560, quick=20)
 def test_a_spoilt_story_is_read_or_refused_in_a_sentence(changes: list[Edit], is_lenient: bool) -> None:  # noqa: FBT001
     read(spoil(GOOD, changes).encode(), is_lenient=is_lenient)
 
 
 @given(flips())
-@examples(560, quick=35)
+@examples(560, quick=20)
 def test_damaged_bytes_are_read_or_refused_in_a_sentence(changes: list[Flip]) -> None:
     read(damage(GOOD.encode(), changes), is_lenient=False)
 
