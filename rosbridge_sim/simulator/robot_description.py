@@ -42,11 +42,7 @@ _UNUSED_LIMITS: Final = 'effort="1000" velocity="1"'
 
 _MATERIALS: Final = tuple(
     f'  <material name="{name}"><color rgba="{rgba}"/></material>'
-    for name, rgba in (
-        ("body", "0.20 0.35 0.60 1"),
-        ("tyre", "0.05 0.05 0.05 1"),
-        ("sensor", "0.85 0.35 0.10 1"),
-    )
+    for name, rgba in (("body", "0.20 0.35 0.60 1"), ("tyre", "0.05 0.05 0.05 1"), ("sensor", "0.85 0.35 0.10 1"))
 )
 _NOT_IN_XML: Final = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd]")
 

@@ -79,9 +79,10 @@ class Converter:
         self.profile = profile
         self.wall_ns: int | None = None
         self._store = store
-        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
-        self._header = maker(store, "std_msgs/Header", "seq stamp frame_id")
-        self._clock = maker(store, "rosgraph_msgs/Clock", "clock")
+        make, late = partial(maker, store), partial(late_maker, store)
+        self._vector = make("geometry_msgs/Vector3", "x y z")
+        self._header = make("std_msgs/Header", "seq stamp frame_id")
+        self._clock = make("rosgraph_msgs/Clock", "clock")
         self._wheel_factor = DEGREES if profile.wheel_angle_unit == "deg" else 1.0
         figures = {
             "wheel_angle": self._wheel_angle,
@@ -95,40 +96,30 @@ class Converter:
             },
         }
         fields = store.message("morai_msgs/EgoVehicleStatus").struct_type.__struct_fields__
-        self._ego_figures = [figures[name] for name in fields if name in figures]
+        known = [name for name in fields if name in figures]
+        self._ego_figures = [figures[name] for name in known]
         self._has_lane_figures = any(name in LANE_FIGURES for name in fields)
-        self._ego = maker(
-            store,
-            "morai_msgs/EgoVehicleStatus",
-            " ".join(
-                ["header unique_id acceleration position velocity heading accel brake"]
-                + [name for name in fields if name in figures]
-            ),
+        names = " ".join(["header unique_id acceleration position velocity heading accel brake", *known])
+        self._ego = make("morai_msgs/EgoVehicleStatus", names)
+        self._object = make(
+            "morai_msgs/ObjectStatus", "unique_id type name heading velocity acceleration size position"
         )
-        self._object = maker(
-            store, "morai_msgs/ObjectStatus", "unique_id type name heading velocity acceleration size position"
-        )
-        self._objects = maker(
-            store,
+        self._objects = make(
             "morai_msgs/ObjectStatusList",
             "header num_of_npcs num_of_pedestrian num_of_obstacle npc_list pedestrian_list obstacle_list",
         )
-        self._collision = late_maker(
-            store,
+        self._collision = late(
             "morai_msgs/CollisionData",
             "header global_offset_x global_offset_y global_offset_z collision_object collision_objecta",
         )
-        self._crash = late_maker(store, "morai_msgs/VehicleCollision", "crashed_vehicles")
-        self._crashes = late_maker(store, "morai_msgs/VehicleCollisionData", "header collisions")
-        self._map_spec = late_maker(
-            store,
+        self._crash = late("morai_msgs/VehicleCollision", "crashed_vehicles")
+        self._crashes = late("morai_msgs/VehicleCollisionData", "header collisions")
+        self._map_spec = late(
             "morai_msgs/MapSpec",
             "plane_coordinate_system utm_num utm_offset ellipse central_latitude central_meridian "
             "scale_factor false_easting false_northing",
         )
-        self._vehicle_spec = late_maker(
-            store, "morai_msgs/VehicleSpec", "size wheel_base max_steering overhang rear_overhang"
-        )
+        self._vehicle_spec = late("morai_msgs/VehicleSpec", "size wheel_base max_steering overhang rear_overhang")
         fields = store.message("morai_msgs/CtrlCmd").struct_type.__struct_fields__
         self.steering = "steering" if "steering" in fields else "front_steer"
         self._has_rear_steer = "rear_steer" in fields

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.camera_geometry import CameraModel
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes
+from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBox
 from rosbridge_sim.simulator.sensor_data.vision_messages import optical
 
 BOXES: Final = "rosbridge_sim_msgs/BoundingBoxes"
@@ -54,20 +55,11 @@ class PictureMessages:
             **{self._names[name]: value for name, value in values.items()},
         )
 
-    def boxes(self, header: Struct, boxes: VisibleBoxes) -> Struct:
+    def boxes(self, header: Struct, boxes: Sequence[VisibleBox]) -> Struct:
         """Return the BoundingBoxes of a picture."""
-        return self._boxes(
-            header,
-            [
-                self._box(
-                    boxes.ids[i],
-                    boxes.labels[i],
-                    *boxes.bounds[i],
-                    boxes.visibility[i],
-                    self._point(*optical(boxes.centres[i])),
-                    self._vector(*boxes.sizes[i]),
-                    *(self._vector(*optical(axis)) for axis in boxes.axes[i]),
-                )
-                for i in range(len(boxes.ids))
-            ],
-        )
+        found = []
+        for box in boxes:
+            place = self._point(*optical(box.centre)), self._vector(*box.size)
+            axes = (self._vector(*optical(axis)) for axis in box.axes)
+            found.append(self._box(box.uid, box.label, *box.bounds, box.visibility, *place, *axes))
+        return self._boxes(header, found)

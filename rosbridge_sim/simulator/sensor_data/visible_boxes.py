@@ -16,31 +16,31 @@ BOX_RANGE: Final = 150.0
 """Farthest boxes in a picture [m]: a car there is 4 pixels wide at 640 pixels and 90 deg."""
 
 
-class VisibleBoxes(Record, eq=False):
-    """Boxes of the entities of which a picture shows something; (k,) each unless told otherwise.
+class VisibleBox(Record, eq=False):
+    """Box of an entity of which a picture shows something.
 
     Attributes:
-        ids: of the entities.
-        labels: classes of most of their pixels.
-        bounds: (k, 4) left, top, right, bottom of the projected box [pixels].
+        uid: id of the entity on the wire.
+        label: class of most of its own pixels.
+        bounds: left, top, right, bottom of the projected box [pixels].
         visibility: own pixels, as a share of those and the pixels within the bounds that something nearer covers.
-        centres: (k, 3) middles in the camera's axes, x forward, y left, z up [m].
-        sizes: (k, 3) length, width and height [m].
-        axes: (k, 2, 3) directions of length and height in the camera's axes.
+        centre: middle in the camera's axes, x forward, y left, z up [m].
+        size: length, width and height [m].
+        axes: directions of length and height in the camera's axes.
     """
 
-    ids: list[int]
-    labels: list[int]
-    bounds: list[list[float]]
-    visibility: list[float]
-    centres: list[list[float]]
-    sizes: list[list[float]]
-    axes: list[list[list[float]]]
+    uid: int
+    label: int
+    bounds: list[float]
+    visibility: float
+    centre: list[float]
+    size: list[float]
+    axes: tuple[list[float], list[float]]
 
 
 def find_visible_boxes(
     frame: SceneFrame, camera: CameraModel, pose: Pose, picture: Picture, carrier: int
-) -> VisibleBoxes:
+) -> list[VisibleBox]:
     """Return the boxes of the entities that a picture shows.
 
     Args:
@@ -53,7 +53,7 @@ def find_visible_boxes(
     assert label is not None
     boxes = boxes_in_view(frame, camera, pose, without=carrier, max_range=BOX_RANGE)
     nearest = camera.depths(boxes.corners).min(axis=1)
-    found = VisibleBoxes([], [], [], [], [], [], [])
+    found = []
     for i, row in enumerate(boxes.rows.tolist()):
         left, top, right, bottom = boxes.bounds[i].tolist()
         window = (slice(int(top), int(np.ceil(bottom))), slice(int(left), int(np.ceil(right))))
@@ -65,13 +65,10 @@ def find_visible_boxes(
         num_hidden = int(np.count_nonzero(~is_own & (depth[window] < nearest[i])))
         # Corners count z first, then y, then x: 0 is low right behind, 1 above it, 4 before it.
         length, height = corners[4] - corners[0], corners[1] - corners[0]
-        found.ids.append(frame.ids.item(row))
-        found.labels.append(int(np.bincount(label[window][is_own]).argmax()))
-        found.bounds.append([left, top, right, bottom])
-        found.visibility.append(num_own / (num_own + num_hidden))
-        found.centres.append(corners.mean(axis=0).tolist())
-        found.sizes.append(frame.sizes[row].tolist())
-        found.axes.append([_unit(length), _unit(height)])
+        kind, visibility = int(np.bincount(label[window][is_own]).argmax()), num_own / (num_own + num_hidden)
+        centre, size, axes = corners.mean(axis=0).tolist(), frame.sizes[row].tolist(), (_unit(length), _unit(height))
+        bounds = [left, top, right, bottom]
+        found.append(VisibleBox(frame.ids.item(row), kind, bounds, visibility, centre, size, axes))
     return found
 
 

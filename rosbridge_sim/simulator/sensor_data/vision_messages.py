@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes
+from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBox
 from rosbridge_sim.world.geometry.planar import Quaternion
 
 DETECTIONS_2D, DETECTIONS_3D = "vision_msgs/Detection2DArray", "vision_msgs/Detection3DArray"
@@ -19,38 +20,31 @@ class VisionMessages:
     """Maker of these messages; generated structs of the types of a store."""
 
     def __init__(self, store: Store) -> None:
-        self._is_ros2 = store.ros != 1
+        self._is_ros2, make = store.ros != 1, partial(maker, store)
         last = ("source_img", "source_cloud") if store.ros == 1 else ("id", "id")
-        self._arrays = {name: maker(store, name, "header detections") for name in (DETECTIONS_2D, DETECTIONS_3D)}
-        self._flat = maker(store, "vision_msgs/Detection2D", f"header results bbox {last[0]}")
-        self._solid = maker(store, "vision_msgs/Detection3D", f"header results bbox {last[1]}")
-        self._box_2d = maker(store, "vision_msgs/BoundingBox2D", "center size_x size_y")
-        self._box_3d = maker(store, "vision_msgs/BoundingBox3D", "center size")
+        self._arrays = {name: make(name, "header detections") for name in (DETECTIONS_2D, DETECTIONS_3D)}
+        self._flat = make("vision_msgs/Detection2D", f"header results bbox {last[0]}")
+        self._solid = make("vision_msgs/Detection3D", f"header results bbox {last[1]}")
+        self._box_2d = make("vision_msgs/BoundingBox2D", "center size_x size_y")
+        self._box_3d = make("vision_msgs/BoundingBox3D", "center size")
         fields = "hypothesis pose" if self._is_ros2 else "id score pose"
-        self._result = maker(store, "vision_msgs/ObjectHypothesisWithPose", fields)
-        self._hypothesis = maker(
-            store, "vision_msgs/ObjectHypothesis", "class_id score" if self._is_ros2 else "id score"
-        )
-        self._header = maker(
-            store, "std_msgs/Header", " ".join(store.message("std_msgs/Header").struct_type.__struct_fields__)
-        )
-        self._pose_2d = (
-            maker(store, "vision_msgs/Pose2D", "position theta")
-            if self._is_ros2
-            else maker(store, "geometry_msgs/Pose2D", "x y theta")
-        )
-        self._point_2d = maker(store, "vision_msgs/Point2D", "x y")
-        self._pose = maker(store, "geometry_msgs/Pose", "position orientation")
-        self._uncertain = maker(store, "geometry_msgs/PoseWithCovariance", "pose covariance")
-        self._point = maker(store, "geometry_msgs/Point", "x y z")
-        self._vector = maker(store, "geometry_msgs/Vector3", "x y z")
-        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x y z w")
+        self._result = make("vision_msgs/ObjectHypothesisWithPose", fields)
+        self._hypothesis = make("vision_msgs/ObjectHypothesis", "class_id score" if self._is_ros2 else "id score")
+        self._header = make("std_msgs/Header", " ".join(store.message("std_msgs/Header").struct_type.__struct_fields__))
+        flat = ("vision_msgs/Pose2D", "position theta") if self._is_ros2 else ("geometry_msgs/Pose2D", "x y theta")
+        self._pose_2d = make(*flat)
+        self._point_2d = make("vision_msgs/Point2D", "x y")
+        self._pose = make("geometry_msgs/Pose", "position orientation")
+        self._uncertain = make("geometry_msgs/PoseWithCovariance", "pose covariance")
+        self._point = make("geometry_msgs/Point", "x y z")
+        self._vector = make("geometry_msgs/Vector3", "x y z")
+        self._quaternion = make("geometry_msgs/Quaternion", "x y z w")
         self._no_sources = {
             DETECTIONS_2D: store.message("sensor_msgs/Image").struct_type(),
             DETECTIONS_3D: store.message("sensor_msgs/PointCloud2").struct_type(),
         }
 
-    def detections_of(self, type_name: str, header: Struct, boxes: VisibleBoxes) -> Struct:
+    def detections_of(self, type_name: str, header: Struct, boxes: Sequence[VisibleBox]) -> Struct:
         """Return the boxes of a picture, in the optical frame of its camera.
 
         Args:
@@ -60,17 +54,17 @@ class VisionMessages:
         own = self._header(*(fields | {"frame_id": f"{fields['frame_id']}_optical"}).values())
         is_flat = type_name == DETECTIONS_2D
         found = []
-        for i, uid in enumerate(boxes.ids):
-            pose = self._pose(self._point(*optical(boxes.centres[i])), self._quaternion(*_orientation(boxes.axes[i])))
-            result = self._result_of(boxes.labels[i], self._uncertain(pose, [0.0] * 36))
-            last = str(uid) if self._is_ros2 else self._no_sources[type_name]
+        for seen in boxes:
+            pose = self._pose(self._point(*optical(seen.centre)), self._quaternion(*_orientation(seen.axes)))
+            result = self._result_of(seen.label, self._uncertain(pose, [0.0] * 36))
+            last = str(seen.uid) if self._is_ros2 else self._no_sources[type_name]
             if is_flat:
-                left, top, right, bottom = boxes.bounds[i]
+                left, top, right, bottom = seen.bounds
                 middle = self._middle(0.5 * (left + right), 0.5 * (top + bottom))
                 box = self._box_2d(middle, right - left, bottom - top)
                 found.append(self._flat(own, [result], box, last))
             else:
-                box = self._box_3d(pose, self._vector(*boxes.sizes[i]))
+                box = self._box_3d(pose, self._vector(*seen.size))
                 found.append(self._solid(own, [result], box, last))
         return self._arrays[type_name](own, found)
 

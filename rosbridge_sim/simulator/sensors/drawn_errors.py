@@ -28,6 +28,9 @@ CLUTTER_ROW: Final = -1
 CLUTTER_STRENGTH: Final = 4.0
 """Mean amplitude of clutter [dB], of an exponential distribution; our choice."""
 
+_Carrier = tuple[World, int, Mounting]
+"""World, row of the vehicle that carries a radar, and place of the radar on it."""
+
 
 def disturb_picture(rgb: NDArray[np.uint8], noise: CameraNoise, chance: np.random.Generator) -> NDArray[np.uint8]:
     """Return a picture with the errors of a camera.
@@ -93,11 +96,7 @@ def disturb_echoes(echoes: Echoes, max_range: float, noise: LidarNoise, chance: 
 
 
 def disturb_radar(
-    echoes: RadarEchoes,
-    carrier: tuple[World, int, Mounting],
-    spec: RadarBeams,
-    noise: RadarNoise,
-    chance: np.random.Generator,
+    echoes: RadarEchoes, carrier: _Carrier, spec: RadarBeams, noise: RadarNoise, chance: np.random.Generator
 ) -> RadarEchoes:
     """Return echoes with the errors of a radar, and clutter among them, the nearest first.
 
@@ -128,9 +127,7 @@ def _pick(echoes: RadarEchoes, which: NDArray[np.bool_] | NDArray[np.int64]) -> 
     return RadarEchoes(*(getattr(echoes, name)[which] for name in RadarEchoes.__struct_fields__))
 
 
-def _clutter(
-    carrier: tuple[World, int, Mounting], spec: RadarBeams, num: int, chance: np.random.Generator
-) -> RadarEchoes:
+def _clutter(carrier: _Carrier, spec: RadarBeams, num: int, chance: np.random.Generator) -> RadarEchoes:
     is_far = chance.random(num) < 0.5  # noqa: PLR2004 - each beam has as much
     reach = np.where(is_far, spec.far_range, spec.near_range)
     fov = np.radians(np.where(is_far, spec.far_fov, spec.near_fov))

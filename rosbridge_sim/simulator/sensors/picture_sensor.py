@@ -17,7 +17,7 @@ from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel, PictureChoices
 from rosbridge_sim.simulator.egos.ego import Ego
 from rosbridge_sim.simulator.sensor_data.picture_messages import BOXES, PictureMessages
-from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBoxes, find_visible_boxes
+from rosbridge_sim.simulator.sensor_data.visible_boxes import VisibleBox, find_visible_boxes
 from rosbridge_sim.simulator.sensor_data.vision_messages import DETECTIONS_2D, DETECTIONS_3D, VisionMessages
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Sight, Sighting
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_picture
@@ -78,7 +78,7 @@ class Shot(Sighting, eq=False):
     """
 
     data: bytes
-    boxes: VisibleBoxes | None
+    boxes: list[VisibleBox] | None
     file: bytes = b""
 
 

@@ -30,13 +30,13 @@ def test_box_has_the_share_of_its_entity_that_nothing_nearer_hides() -> None:
     instance[own], depth[own], label[own] = frame.ids[0] + 1, 10.0, Label.OBSTACLE
     label[top, left:100] = Label.POLE  # fewer pixels
     depth[top:bottom, 100:110] = 5.0  # hidden by something nearer; behind the rest there is the ground
-    found = find_visible_boxes(frame, CAMERA, POSE, Picture(None, depth, label, instance), carrier=-1)
-    assert (found.ids, found.labels) == ([frame.ids[0]], [Label.OBSTACLE])
-    assert found.visibility == pytest.approx([2 / 3])
-    assert found.bounds[0] == pytest.approx(bounds.tolist())
-    assert found.centres[0] == pytest.approx([11.0, 0.0, 0.0], abs=1e-6)
-    assert found.sizes == [[2.0, 4.0, 2.0]]
-    assert np.array(found.axes[0]) == pytest.approx(np.array([(-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]), abs=1e-6)
-    assert hidden not in found.ids
+    (found,) = find_visible_boxes(frame, CAMERA, POSE, Picture(None, depth, label, instance), carrier=-1)
+    assert (found.uid, found.label) == (frame.ids[0], Label.OBSTACLE)
+    assert found.visibility == pytest.approx(2 / 3)
+    assert found.bounds == pytest.approx(bounds.tolist())
+    assert found.centre == pytest.approx([11.0, 0.0, 0.0], abs=1e-6)
+    assert found.size == [2.0, 4.0, 2.0]
+    assert np.array(found.axes) == pytest.approx(np.array([(-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)]), abs=1e-6)
+    assert hidden != found.uid
     alone = find_visible_boxes(frame, CAMERA, POSE, Picture(None, depth, label, instance), carrier=int(frame.ids[0]))
-    assert alone.ids == []
+    assert alone == []
