@@ -228,6 +228,24 @@ _EMPTY_REFUSED: Final[Mapping[BarrierEvent, tuple[str, Reason]]] = {
 """Events that are refused where there is no barrier; `SyncDriver` asks `SYNC_TABLE` then, except for the first two."""
 
 
+def _while_ticks_wait(state: BarrierState) -> dict[BarrierEvent, BarrierOutcome]:
+    """Return the rows of a state in which ticks wait: who comes or leaves counts from the next boundary on."""
+    return {
+        On.JOIN: _yes(state, Do.ADMIT_LATER, Do.ANNOUNCE),
+        On.JOIN_AGAIN: _yes(state, Do.HOLD, Do.ANNOUNCE),
+        On.START_BY_MEMBER: _yes(state, Do.HOLD, Do.ANNOUNCE),
+        On.LEAVE: _yes(state, Do.REMOVE_LATER, Do.ANNOUNCE),
+        On.CUT: _yes(state, Do.CUT, Do.ANNOUNCE),
+        On.LOSS: _yes(state, Do.REMOVE, Do.ANNOUNCE),
+        On.LAST_LOST: _yes(In.EMPTY, Do.LOSE, Do.ANNOUNCE),
+        On.STOP_BY_ANYONE: _yes(In.EMPTY, Do.REFUSE, Do.CLEAR, Do.END, Do.ANNOUNCE),
+        On.TICK: _yes(state, Do.QUEUE, Do.ANNOUNCE),
+        On.STEP_ALONE: _no(state, _IS_MOVING),
+        On.RESTORE_BY_MEMBER: _yes(state),
+        **{event: _no(state, why) for event, why in _REFUSED.items()},
+    }
+
+
 BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]]] = {
     In.EMPTY: {
         On.JOIN: _yes(In.RESTING, Do.ADMIT, Do.LEAD, Do.ANNOUNCE),
@@ -257,41 +275,19 @@ BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]
         **{event: _no(In.RESTING, why) for event, why in _REFUSED.items()},
     },
     In.GATHERING: {
-        On.JOIN: _yes(In.GATHERING, Do.ADMIT_LATER, Do.ANNOUNCE),
-        On.JOIN_AGAIN: _yes(In.GATHERING, Do.HOLD, Do.ANNOUNCE),
-        On.START_BY_MEMBER: _yes(In.GATHERING, Do.HOLD, Do.ANNOUNCE),
-        On.LEAVE: _yes(In.GATHERING, Do.REMOVE_LATER, Do.ANNOUNCE),
-        On.CUT: _yes(In.GATHERING, Do.CUT, Do.ANNOUNCE),
-        On.LOSS: _yes(In.GATHERING, Do.REMOVE, Do.ANNOUNCE),
-        On.LAST_LOST: _yes(In.EMPTY, Do.LOSE, Do.ANNOUNCE),
-        On.STOP_BY_ANYONE: _yes(In.EMPTY, Do.REFUSE, Do.CLEAR, Do.END, Do.ANNOUNCE),
-        On.TICK: _yes(In.GATHERING, Do.QUEUE, Do.ANNOUNCE),
+        **_while_ticks_wait(In.GATHERING),
         On.ALL_TICKED: _yes(In.MOVING, Do.MOVE),
         On.DEADLINE: _yes(In.MOVING, Do.MOVE),
         On.NONE_TICKED: _yes(In.RESTING, Do.SETTLE, Do.ANNOUNCE),
         On.PAUSE: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
         On.RESET: _yes(In.RESTING, Do.SETTLE, Do.FORGET, Do.REFUSE, Do.ANNOUNCE),
         On.RESTORED: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
-        On.STEP_ALONE: _no(In.GATHERING, _IS_MOVING),
-        On.RESTORE_BY_MEMBER: _yes(In.GATHERING),
-        **{event: _no(In.GATHERING, why) for event, why in _REFUSED.items()},
     },
     In.MOVING: {
-        On.JOIN: _yes(In.MOVING, Do.ADMIT_LATER, Do.ANNOUNCE),
-        On.JOIN_AGAIN: _yes(In.MOVING, Do.HOLD, Do.ANNOUNCE),
-        On.START_BY_MEMBER: _yes(In.MOVING, Do.HOLD, Do.ANNOUNCE),
-        On.LEAVE: _yes(In.MOVING, Do.REMOVE_LATER, Do.ANNOUNCE),
-        On.CUT: _yes(In.MOVING, Do.CUT, Do.ANNOUNCE),
-        On.LOSS: _yes(In.MOVING, Do.REMOVE, Do.ANNOUNCE),
-        On.LAST_LOST: _yes(In.EMPTY, Do.LOSE, Do.ANNOUNCE),
-        On.STOP_BY_ANYONE: _yes(In.EMPTY, Do.REFUSE, Do.CLEAR, Do.END, Do.ANNOUNCE),
-        On.TICK: _yes(In.MOVING, Do.QUEUE, Do.ANNOUNCE),
+        **_while_ticks_wait(In.MOVING),
         On.MOVED: _yes(In.RESTING, Do.SETTLE, Do.LATE, Do.ANNOUNCE, Do.ANSWER),
         On.NOT_MOVED: _yes(In.RESTING, Do.SETTLE, Do.REFUSE, Do.ANNOUNCE),
         On.PAUSE: _yes(In.MOVING),  # from within the tick, which is one whole
-        On.STEP_ALONE: _no(In.MOVING, _IS_MOVING),
-        On.RESTORE_BY_MEMBER: _yes(In.MOVING),
-        **{event: _no(In.MOVING, why) for event, why in _REFUSED.items()},
     },
 }
 """Every state and every event that can happen in it."""

@@ -215,11 +215,7 @@ _NOT_PAUSED: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
 }
 """The states without a pause, and every event that can happen in them."""
 
-_PAUSED_FORM: Final = {
-    In.FREE: In.FREE_PAUSED,
-    In.OPEN: In.OPEN_PAUSED,
-    In.LED: In.LED_PAUSED,
-}
+_PAUSED_FORM: Final = {In.FREE: In.FREE_PAUSED, In.OPEN: In.OPEN_PAUSED, In.LED: In.LED_PAUSED}
 _REFUSED_IN_PAUSE: Final = frozenset({On.TICK_BY_MASTER, On.TICK_MISFIT, On.TICK_EARLY})
 
 
