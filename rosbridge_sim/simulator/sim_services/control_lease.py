@@ -65,7 +65,8 @@ class ControlLeases(Component):
         elif seconds == 0.0:
             self._leases.pop((caller, uid), None)
         else:
-            self._forget_removed_egos()
+            # Keep the leases as few as the egos of each client are.
+            self._leases = {key: lease for key, lease in self._leases.items() if self._ego(key[1]) is not None}
             self._leases[caller, uid] = _Lease(math.ceil(seconds / DT), self._context.world.frame)
             self._context.hooks.after_frame.wake(self._after_frame)
         call.respond(result=not why, message=why, client=caller.where)
@@ -81,11 +82,6 @@ class ControlLeases(Component):
 
     def _ego(self, uid: int) -> Ego | None:
         return next((ego for ego in self._context.egos if ego.index == uid and ego.is_there), None)
-
-    def _forget_removed_egos(self) -> None:
-        """Keep the leases as few as the egos of each client are."""
-        for key in [key for key in self._leases if self._ego(key[1]) is None]:
-            del self._leases[key]
 
     def _begin_anew(self) -> None:
         """Count from the present frame, which may be an earlier one."""

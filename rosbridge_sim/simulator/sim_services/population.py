@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -63,6 +63,10 @@ MAX_ROUTE_LINKS: Final = 200_000
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
+_Act = Callable[[Call, float], dict[str, Any]]
+"""Does what a call asks for; returns the fields of the response beside `result` and `message`."""
+
+
 class Population(Component):
     """The component of objects: what comes, goes and is changed by services."""
 
@@ -76,16 +80,16 @@ class Population(Component):
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
-        bindings.provide("sim/spawn", "rosbridge_sim_msgs/Spawn", self._spawn, limits=_LIMITS)
-        bindings.provide("sim/remove", "rosbridge_sim_msgs/Remove", self._remove)
-        bindings.provide("sim/set", "rosbridge_sim_msgs/Set", self._set, limits=_LIMITS)
+        bindings.provide("sim/spawn", "rosbridge_sim_msgs/Spawn", partial(self._answer, self._spawn), limits=_LIMITS)
+        bindings.provide("sim/remove", "rosbridge_sim_msgs/Remove", partial(self._answer, self._remove))
+        bindings.provide("sim/set", "rosbridge_sim_msgs/Set", partial(self._answer, self._set), limits=_LIMITS)
         bindings.provide("sim/catalogue", "rosbridge_sim_msgs/Catalogue", self._list_models)
 
-    def _answer(self, call: Call, act: Callable[[], Sequence[int]], *, has_ids: bool = False) -> None:
+    def _answer(self, act: _Act, call: Call, now: float) -> None:
         """Do what a call asks for and answer it, or say why not; if a tick has begun, behind that tick.
 
         Args:
-            act: does it; returns the numbers of new objects.
+            act: does it.
         """
 
         def do(_now: float) -> None:
@@ -95,25 +99,24 @@ class Population(Component):
             if why is not None:
                 call.refuse(why)
             else:
-                self._answer_now(call, act, has_ids=has_ids)
+                self._answer_now(act, call, now)
 
         def do_later(now: float) -> None:
             self._context.bus.guard.attempt("a call that waited for a tick", do, now)
 
         if not self._context.sync_driver.wait_for_tick(call.caller, do_later):
-            self._answer_now(call, act, has_ids=has_ids)
+            self._answer_now(act, call, now)
 
-    def _answer_now(self, call: Call, act: Callable[[], Sequence[int]], *, has_ids: bool) -> None:
-        ids: Sequence[int] = ()
+    def _answer_now(self, act: _Act, call: Call, now: float) -> None:
+        fields: dict[str, Any] = {}
         why = ""
         try:
             self._check_now()
-            ids = act()
+            fields = act(call, now)
         except PeerError as error:
             why = str(error)
             level = "warning" if error.reason is Reason.NOT_NOW else "error"
             call.explain(why, error.reason, level)
-        fields: dict[str, Any] = {"unique_ids": list(ids)} if has_ids else {}
         call.respond(result=not why, message=why, **fields)
 
     def _check_now(self) -> None:
@@ -147,13 +150,10 @@ class Population(Component):
 
     # Spawn
 
-    def _spawn(self, call: Call, now: float) -> None:
-        request: Any = call.request
-        self._answer(call, lambda: self._spawn_all(request.objects, call, now), has_ids=True)
-
-    def _spawn_all(self, messages: Sequence[Struct], call: Call, now: float) -> list[int]:
+    def _spawn(self, call: Call, now: float) -> dict[str, Any]:
         """Place all objects, or raise PeerError and leave the world as it was."""
-        context = self._context
+        request: Any = call.request
+        context, messages = self._context, request.objects
         scene, roads = context.scene, context.world.roads
         check_size(messages)
         if len(context.world) + len(messages) > MAX_ENTITIES:
@@ -195,7 +195,7 @@ class Population(Component):
                 raise
         context.egos.forget_statuses()
         _log.info("%d objects were spawned by %s", len(ids), call.caller.name)
-        return ids
+        return {"unique_ids": ids}
 
     def _add_agent(self, new: NewObject) -> int:
         """Put an object that is no ego into the world; return its number. A driver gets its lane later."""
@@ -249,13 +249,10 @@ class Population(Component):
 
     # Remove
 
-    def _remove(self, call: Call, now: float) -> None:
-        request: Any = call.request
-        self._answer(call, lambda: self._remove_all(list(request.unique_ids), call, now))
-
-    def _remove_all(self, unique_ids: Sequence[int], call: Call, now: float) -> Sequence[int]:
+    def _remove(self, call: Call, now: float) -> dict[str, Any]:
         """Remove all objects, or raise FieldError and leave the world as it was."""
-        context = self._context
+        request: Any = call.request
+        context, unique_ids = self._context, list(request.unique_ids)
         if len(unique_ids) > MAX_REMOVED:
             raise FieldError(f"unique_ids: expected at most {MAX_REMOVED} in one call, got {len(unique_ids):,}")
         found = [self._find(number, f"unique_ids[{i}]") for i, number in enumerate(unique_ids)]
@@ -272,7 +269,7 @@ class Population(Component):
                 context.world.remove(each)
         context.egos.forget_statuses()
         _log.info("%d objects were removed by %s", len(found), call.caller.name)
-        return ()
+        return {}
 
     def _find(self, unique_id: int, where: str) -> Ego | int:
         """Return the ego that a number means, else the id of the object in the world. A number of both is the ego's.
@@ -291,13 +288,10 @@ class Population(Component):
 
     # Set
 
-    def _set(self, call: Call, _now: float) -> None:
-        request: Any = call.request
-        self._answer(call, lambda: self._set_all(request.objects, call))
-
-    def _set_all(self, messages: Sequence[Struct], call: Call) -> Sequence[int]:
+    def _set(self, call: Call, _now: float) -> dict[str, Any]:
         """Change all objects, or raise PeerError and leave all as it was."""
-        context = self._context
+        request: Any = call.request
+        context, messages = self._context, request.objects
         world, roads = context.world, context.world.roads
         check_size(messages)
         found: list[Ego | int] = []
@@ -334,7 +328,7 @@ class Population(Component):
             if isinstance(each, Ego) and change.spot is not None:  # as /ego_setting does
                 context.sync.drop(partial(moves, uid=each.uid))
         _log.debug("%d objects were changed by %s", len(found), call.caller.name)
-        return ()
+        return {}
 
     def _change_object(self, row: int, change: Change) -> tuple[int, float] | None:
         """Change an object that is no ego; return the place on a lane that it is still to get, if it is a driver.

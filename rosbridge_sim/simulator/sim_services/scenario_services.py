@@ -6,8 +6,8 @@ MORAI's own services.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any, Final, Protocol, TypeVar
+from collections.abc import Sequence
+from typing import Any, Final, Protocol
 
 from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.graph.topics_services import Call
@@ -32,8 +32,6 @@ USUAL_SIDES: Final = (320, 200)
 
 MAX_NAME: Final = 400
 """Longest name of a scenario, with its folders [characters]."""
-
-T = TypeVar("T")
 
 
 class ListedScenario(Record):
@@ -124,7 +122,7 @@ class Scenarios(Component):
         request: Any = call.request
         first, count = request.first, min(request.count or MAX_LISTED, MAX_LISTED)
 
-        def answer(found: Listing) -> dict[str, Any]:
+        def answer(found: Listing) -> None:
             loaded, time_value = self._context.scene.loaded.name, self._context.bus.store.time_value
             numbers = {"num_scenarios": found.num_scenarios, "num_recordings": found.num_recordings}
             scenarios = []
@@ -135,45 +133,35 @@ class Scenarios(Component):
                 self._make_recording(each.name, each.size, time_value(max(each.modified_ns, 0)))
                 for each in found.recordings
             ]
-            return {"scenarios": scenarios, "recordings": recordings, **numbers}
+            call.respond(result=True, scenarios=scenarios, recordings=recordings, **numbers)
 
-        self._read(call, lambda shelf: lambda: shelf.list(first, count), answer, now)
+        shelf = self._open_shelf()
+        self._late.find(call, lambda: shelf.list(first, count), answer, now, Reason.REFUSED)
 
     def _tell_picture(self, call: Call, now: float) -> None:
         request: Any = call.request
-        name = request.name
+        name, shelf = request.name, self._open_shelf()
         width, height = request.width or USUAL_SIDES[0], request.height or USUAL_SIDES[1]
+        for field, side in (("width", width), ("height", height)):
+            if not MIN_SIDE <= side <= MAX_SIDE:
+                raise FieldError(f"{field}: expected {MIN_SIDE}..{MAX_SIDE} pixels, or 0; got {side}")
+        if len(name) > MAX_NAME:
+            raise FieldError(f"name: expected at most {MAX_NAME} characters, got {len(name):,}")
 
-        def work(shelf: ScenarioShelf) -> Callable[[], bytes]:
-            for field, side in (("width", width), ("height", height)):
-                if not MIN_SIDE <= side <= MAX_SIDE:
-                    raise FieldError(f"{field}: expected {MIN_SIDE}..{MAX_SIDE} pixels, or 0; got {side}")
-            if len(name) > MAX_NAME:
-                raise FieldError(f"name: expected at most {MAX_NAME} characters, got {len(name):,}")
-            return lambda: shelf.picture(name, width, height)
+        def answer(data: bytes) -> None:
+            call.respond(result=True, format="png", data=data)
 
-        self._read(call, work, lambda data: {"format": "png", "data": data}, now)
+        self._late.find(call, lambda: shelf.picture(name, width, height), answer, now, Reason.REFUSED)
 
-    def _read(
-        self,
-        call: Call,
-        choose: Callable[[ScenarioShelf], Callable[[], T]],
-        answer: Callable[[T], dict[str, Any]],
-        now: float,
-    ) -> None:
-        """Have work done by the reader, and answer a call with its result.
+    def _open_shelf(self) -> ScenarioShelf:
+        """Return the shelf.
 
-        Args:
-            choose: checks the request, and returns the work.
-            answer: returns the fields of the response.
+        Raises:
+            GraphError: there is none, or too many calls wait for it.
         """
         if self._shelf is None:
             raise GraphError("this simulator has no folder with scenarios", reason=Reason.REFUSED)
         if self._late.num_waiting >= MAX_WAITING:
             text = f"{MAX_WAITING} lists and pictures are being made; ask again after one of the answers"
             raise GraphError(text, reason=Reason.TOO_FAST)
-
-        def tell(found: T) -> None:
-            call.respond(result=True, **answer(found))
-
-        self._late.find(call, choose(self._shelf), tell, now, Reason.REFUSED)
+        return self._shelf
