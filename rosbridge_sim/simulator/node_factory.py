@@ -174,30 +174,17 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     is_external = settings.start_mode == "external"
     participant = SimulatorParticipant()
     convert = Converter(bus.store, settings.profile)
-    scene = Scene(
-        world,
-        library,
-        scenario,
-        ego_gear=Gear.DRIVE if is_external else Gear.PARK,
-        speed_limits=settings.speed_limits,
-        catalogue=settings.catalogue,
-    )
+    gear, limits = Gear.DRIVE if is_external else Gear.PARK, settings.speed_limits
+    scene = Scene(world, library, scenario, ego_gear=gear, speed_limits=limits, catalogue=settings.catalogue)
     ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
     roads = partial(attrgetter("road_map.roads"), scene)
     egos = EgoRegistry(world, convert, ctrl_mode, roads=roads, sensor_frames=SENSOR_FRAMES)
+    is_on, on_loss, lease = settings.start == "sync", settings.sync_on_loss, settings.sync_lease
+    is_strict, anyone = settings.sync_frames == "strict", settings.anyone_may_stop
     sync: Sync[SceneCommand] = Sync(
-        is_on=settings.start == "sync",
-        on_loss=settings.sync_on_loss,
-        lease=settings.sync_lease,
-        is_strict=settings.sync_frames == "strict",
-        may_anyone_stop=settings.anyone_may_stop,
+        is_on=is_on, on_loss=on_loss, lease=lease, is_strict=is_strict, may_anyone_stop=anyone
     )
-    barrier = Barrier(
-        sync,
-        lease=settings.sync_lease,
-        is_strict=settings.sync_frames == "strict",
-        may_anyone_stop=settings.anyone_may_stop,
-    )
+    barrier = Barrier(sync, lease=lease, is_strict=is_strict, may_anyone_stop=anyone)
     hooks = Hooks()
     interfaces = InterfaceRegistry(participant, bus, settings.network)
     publishers = Publishers(participant, bus, interfaces)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 from functools import lru_cache
-from typing import Any, Final, TypedDict
+from typing import Any, Final, TypedDict, Unpack
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
@@ -84,13 +84,15 @@ class PublisherOptions(TypedDict, total=False):
     """Options of a `PeriodicPublisher`.
 
     Attributes:
-        is_exclusive: no other participant may publish there.
-        rate: default publications a second of simulated time [Hz]; the network settings may change it.
+        is_exclusive: no other participant may publish there; true if it is not given.
+        rate: default publications a second of simulated time [Hz], `USUAL_RATE` if it is not given; the network
+            settings may change it.
         is_sampled: in synchronous mode it keeps its rate in simulated time, and is not published with every frame.
         is_shown_in_pause: it is published while a pause stops real time; see the text of `publishers`.
         version: for a topic for viewers, returns a value that differs if the message would, never None; see the text of
             `publishers`. None for any other topic.
-        is_in_frames: it is published with the frames; if false, `version` alone decides when.
+        is_in_frames: it is published with the frames, as it is if it is not given; if false, `version` alone decides
+            when.
         is_second_name: another topic has the same messages; see `second_names`.
         depth: number of messages that are kept for late subscribers.
     """
@@ -114,30 +116,17 @@ class PeriodicPublisher(TopicPublisher):
         not_listening: `topic.subscriptions` while none of them wants the message, so that it is not made.
     """
 
-    def __init__(
-        self,
-        name: str,
-        type_name: str,
-        make: Callable[[], Any],
-        *,
-        is_exclusive: bool = True,
-        rate: float = USUAL_RATE,
-        is_sampled: bool = False,
-        is_shown_in_pause: bool = False,
-        version: Callable[[], object] | None = None,
-        is_in_frames: bool = True,
-        is_second_name: bool = False,
-        depth: int = 0,
-    ) -> None:
+    def __init__(self, name: str, type_name: str, make: Callable[[], Any], **options: Unpack[PublisherOptions]) -> None:
         """Describe a topic; the arguments are those of `Publishers.add`."""
-        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
+        rate, depth = options.get("rate", USUAL_RATE), options.get("depth", 0)
+        super().__init__(name, type_name, is_exclusive=options.get("is_exclusive", True), rate=rate, depth=depth)
         self.make = make
-        self.version = version
+        self.version = options.get("version")
         self.shown_version: object = None  # of the last message
-        self.is_in_frames = is_in_frames
-        self.is_sampled = is_sampled
-        self.is_second_name = is_second_name
-        self.is_shown_in_pause = is_shown_in_pause
+        self.is_in_frames = options.get("is_in_frames", True)
+        self.is_sampled = options.get("is_sampled", False)
+        self.is_second_name = options.get("is_second_name", False)
+        self.is_shown_in_pause = options.get("is_shown_in_pause", False)
         self.takers: list[Callable[[Message], object]] = []
         self.not_listening: tuple[Subscription, ...] = ()
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]

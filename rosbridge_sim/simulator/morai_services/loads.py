@@ -30,7 +30,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.morai_services.morai_answers import request_of
-from rosbridge_sim.simulator.plain.reading import answering, read_while_held
+from rosbridge_sim.simulator.plain.reading import Then, answering, read_while_held
 from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneCommand
@@ -165,14 +165,7 @@ class Loads(Component):
 
     # Both
 
-    def _read(
-        self,
-        request: Struct,
-        caller: Participant,
-        base: FoundMap,
-        finish: Callable[[_Documents | DocumentError, float], None],
-        now: float,
-    ) -> None:
+    def _read(self, request: Struct, caller: Participant, base: FoundMap, finish: Then[_Documents], now: float) -> None:
         """Read the documents that a request names, and hold its client meanwhile."""
         if not any((request.delete_all, *_parts(request), request.load_network_connection_data)):
             caller.notify("warning", "nothing to load: delete_all and all load_... are false")

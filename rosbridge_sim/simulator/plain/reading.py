@@ -7,17 +7,20 @@ thread and returns the result between two frames. So a document takes effect bet
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import Protocol, TypeAlias, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 
 T = TypeVar("T")
 
+Then: TypeAlias = Callable[[T | DocumentError, float], None]
+"""Takes what has been read, or the error that prevented it; and monotonic time [s]."""
+
 
 class Reader(Protocol):
     """Runs functions that read from a disk."""
 
-    def read(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None], now: float) -> None:
+    def read(self, work: Callable[[], T], then: Then[T], now: float) -> None:
         """Run a function that may take seconds.
 
         Args:
@@ -31,11 +34,7 @@ class Reader(Protocol):
 
 
 def read_while_held(
-    reader: Reader,
-    work: Callable[[], T],
-    then: Callable[[T | DocumentError, float], None],
-    hold: Callable[[], Callable[[float], None]],
-    now: float,
+    reader: Reader, work: Callable[[], T], then: Then[T], hold: Callable[[], Callable[[float], None]], now: float
 ) -> None:
     """Run a function that may take seconds, and hold the client that asked for it until its result has been taken.
 
@@ -61,9 +60,7 @@ def read_while_held(
         release = hold()
 
 
-def answering(
-    refuse: Callable[[str], object], then: Callable[[T | DocumentError, float], None]
-) -> Callable[[T | DocumentError, float], None]:
+def answering(refuse: Callable[[str], object], then: Then[T]) -> Then[T]:
     """Return a function that does the same, and that answers a call even if it fails: a caller must not wait for ever.
 
     Args:
@@ -84,7 +81,7 @@ def answering(
 class AtOnce:
     """Reader for a simulator without an event loop: it blocks until the work is done."""
 
-    def read(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None], now: float) -> None:
+    def read(self, work: Callable[[], T], then: Then[T], now: float) -> None:
         """Run the work and pass its result on before returning; see `Reader.read`."""
         outcome: T | DocumentError
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import PeerError
@@ -129,14 +130,10 @@ class EgoRig:
         return kept | new
 
     def _add_topic(self, name: str, type_name: str, spec: SensorSpec) -> PeriodicPublisher:
-        full = self.prefix + name[1:]
+        full, read = self.prefix + name[1:], partial(self._read_in_frame, spec)
+        is_second = name != spec.topic and type_name == spec.topics[0][1]
         return self._context.publishers.add(
-            full,
-            type_name,
-            lambda: self._read_in_frame(spec),
-            rate=spec.rate,
-            is_sampled=True,
-            is_second_name=name != spec.topic and type_name == spec.topics[0][1],
+            full, type_name, read, rate=spec.rate, is_sampled=True, is_second_name=is_second
         )
 
     def _read_in_frame(self, spec: SensorSpec) -> Struct | None:

@@ -60,6 +60,9 @@ Finish = Callable[[Sighting, float], None]
 """Uses the result of a sight; takes monotonic time [s], too."""
 
 
+_End = Callable[[Exception | None, float], None]
+"""Called behind a job, with the error that prevented it."""
+
 _Plan = list[tuple[Sight, Finish]]
 """A job that grows: what is to be seen, and what becomes of each result."""
 
@@ -294,13 +297,7 @@ class MountedSensors(Component):
         )
 
     def _submit(
-        self,
-        worker: SensorWorker,
-        plan: _Plan,
-        seen: SceneFrame,
-        *,
-        is_tick: bool,
-        end: Callable[[Exception | None, float], None] | None = None,
+        self, worker: SensorWorker, plan: _Plan, seen: SceneFrame, *, is_tick: bool, end: _End | None = None
     ) -> None:
         context, epoch = self._context, self._epoch
         job = self.job_of([sight for sight, _ in plan], seen)

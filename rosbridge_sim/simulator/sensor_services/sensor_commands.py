@@ -47,8 +47,7 @@ class Sensors(Component):
         self,
         context: SimulatorContext,
         archive: SensorDataStore | None,
-        noise: SensorNoise | None = None,
-        *,
+        noise: SensorNoise | None,
         mounted: MountedSensors,
     ) -> None:
         """Keep the sensors' data nowhere yet.

@@ -16,7 +16,7 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenarios.openscenario.story_records import Story, StoryText
 from rosbridge_sim.scenarios.scenario import PhaseStart, Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
-from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkSettings, read_choices
+from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice, InterfaceKind, NetworkSettings, read_choices
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.simulator.scene.load import Load, MapKey, PackedLoad
@@ -113,17 +113,13 @@ def unpack_action(data: object, maps: Maps, known: Iterable[Load] = ()) -> Scene
 
 def _plain_network(settings: NetworkSettings) -> PlainData:
     """Return network settings as the tables of a file."""
-    return {
-        kind.value: {
-            default: {
-                key: value
-                for key, value in (("name", choice.name), ("on", choice.is_on), ("rate", choice.rate))
-                if value is not None
-            }
-            for default, choice in settings.choices(kind).items()
-        }
-        for kind in InterfaceKind
-    }
+
+    def plain(choice: InterfaceChoice) -> PlainData:
+        values = {"name": choice.name, "on": choice.is_on, "rate": choice.rate}
+        return {key: value for key, value in values.items() if value is not None}
+
+    tables = ((kind.value, settings.choices(kind)) for kind in InterfaceKind)
+    return {name: {default: plain(choice) for default, choice in choices.items()} for name, choices in tables}
 
 
 def _read_network(data: object) -> NetworkSettings:

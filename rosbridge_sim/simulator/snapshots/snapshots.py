@@ -31,7 +31,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
-from rosbridge_sim.simulator.plain.reading import answering, read_while_held
+from rosbridge_sim.simulator.plain.reading import Then, answering, read_while_held
 from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
@@ -204,14 +204,7 @@ class Snapshots(Component):
 
         self._work(size, make, finish, call, now)
 
-    def _work(
-        self,
-        size: int,
-        make: Callable[[], T],
-        finish: Callable[[T | DocumentError, float], None],
-        call: Call,
-        now: float,
-    ) -> None:
+    def _work(self, size: int, make: Callable[[], T], finish: Then[T], call: Call, now: float) -> None:
         """Make something of a state of this size [bytes], in a thread if it is large; the caller is held meanwhile."""
         if size < LARGE:
             finish(make(), now)
