@@ -29,7 +29,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
-from rosbridge_sim.simulator.bus.publisher_kinds import FRAME_RATE
+from rosbridge_sim.simulator.bus.publisher_kinds import FRAME_RATE, is_due, num_due
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.egos.ego import Ego, ego_prefix, lamps_of
 from rosbridge_sim.simulator.kernel.component import Component
@@ -41,7 +41,6 @@ from rosbridge_sim.simulator.sensor_rigs.ego_rig import EgoRig, MountedSensor, i
 from rosbridge_sim.simulator.sensor_rigs.sensor_presets import read_rig_text, text_of
 from rosbridge_sim.simulator.sensor_rigs.weather import WeatherControl
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, SensorWorker, Sight, Sighting, drawn_of
-from rosbridge_sim.simulator.sensors.due_frames import is_due, num_due
 from rosbridge_sim.simulator.sensors.sensor_context import SensorContext
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig, SensorSpec

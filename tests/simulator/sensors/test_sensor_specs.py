@@ -6,10 +6,9 @@ from itertools import pairwise
 import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
+from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher, is_due
 from rosbridge_sim.simulator.sensor_rigs.sensor_presets import PRESETS, read_rig
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
-from rosbridge_sim.simulator.sensors.due_frames import is_due
 from rosbridge_sim.simulator.sensors.lidar_2d import Lidar2dSpec
 from rosbridge_sim.simulator.sensors.lidar_3d import Lidar3dSpec
 from rosbridge_sim.simulator.sensors.picture_sensor import model_of
