@@ -174,17 +174,30 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     is_external = settings.start_mode == "external"
     participant = SimulatorParticipant()
     convert = Converter(bus.store, settings.profile)
-    gear, limits = Gear.DRIVE if is_external else Gear.PARK, settings.speed_limits
-    scene = Scene(world, library, scenario, ego_gear=gear, speed_limits=limits, catalogue=settings.catalogue)
+    scene = Scene(
+        world,
+        library,
+        scenario,
+        ego_gear=Gear.DRIVE if is_external else Gear.PARK,
+        speed_limits=settings.speed_limits,
+        catalogue=settings.catalogue,
+    )
     ctrl_mode = CtrlMode.EXTERNAL if is_external else CtrlMode.KEYBOARD
     roads = partial(attrgetter("road_map.roads"), scene)
     egos = EgoRegistry(world, convert, ctrl_mode, roads=roads, sensor_frames=SENSOR_FRAMES)
-    is_on, on_loss, lease = settings.start == "sync", settings.sync_on_loss, settings.sync_lease
-    is_strict, anyone = settings.sync_frames == "strict", settings.anyone_may_stop
     sync: Sync[SceneCommand] = Sync(
-        is_on=is_on, on_loss=on_loss, lease=lease, is_strict=is_strict, may_anyone_stop=anyone
+        is_on=settings.start == "sync",
+        on_loss=settings.sync_on_loss,
+        lease=settings.sync_lease,
+        is_strict=settings.sync_frames == "strict",
+        may_anyone_stop=settings.anyone_may_stop,
     )
-    barrier = Barrier(sync, lease=lease, is_strict=is_strict, may_anyone_stop=anyone)
+    barrier = Barrier(
+        sync,
+        lease=settings.sync_lease,
+        is_strict=settings.sync_frames == "strict",
+        may_anyone_stop=settings.anyone_may_stop,
+    )
     hooks = Hooks()
     interfaces = InterfaceRegistry(participant, bus, settings.network)
     publishers = Publishers(participant, bus, interfaces)
@@ -197,8 +210,26 @@ def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
     sync_info = SyncInfo(bus.store, world, sync, publishers)
     static_tf = StaticTf(transforms, egos, publishers)
     parts = SimulatorParts(
-        *(bus, participant, world, library, convert, scene, egos, sync, barrier, hooks, WarnOnce()),
-        *(interfaces, publishers, failure, time, RealTimePacer(), sync_info, static_tf, FrameGate(), reader),
+        bus=bus,
+        participant=participant,
+        world=world,
+        library=library,
+        convert=convert,
+        scene=scene,
+        egos=egos,
+        sync=sync,
+        barrier=barrier,
+        hooks=hooks,
+        warnings=WarnOnce(),
+        interfaces=interfaces,
+        publishers=publishers,
+        failure=failure,
+        time=time,
+        pacer=RealTimePacer(),
+        sync_info=sync_info,
+        static_tf=static_tf,
+        gate=FrameGate(),
+        reader=reader,
     )
     stepper = FrameStepper(parts, step)
     sync_driver = SyncDriver(parts, stepper)

@@ -282,9 +282,15 @@ class Converter:
         """
         projection = road_map.projection
         return self._map_spec(
-            *(1 if projection.is_tm else 0, projection.zone, self._vector(*road_map.origin), projection.ellipse),
-            *(projection.central_latitude, projection.central_meridian, projection.scale_factor),
-            *(projection.false_easting, projection.false_northing),
+            1 if projection.is_tm else 0,
+            projection.zone,
+            self._vector(*road_map.origin),
+            projection.ellipse,
+            projection.central_latitude,
+            projection.central_meridian,
+            projection.scale_factor,
+            projection.false_easting,
+            projection.false_northing,
         )
 
     # In

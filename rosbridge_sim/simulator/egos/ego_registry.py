@@ -92,8 +92,15 @@ class EgoRegistry:
         Args:
             uid: id of the entity in the world.
         """
-        frames, mode = self.sensor_frames, self._ctrl_mode
-        return Ego(self._world, self._convert, uid, mode, index=index, roads=self._roads, sensor_frames=frames)
+        return Ego(
+            self._world,
+            self._convert,
+            uid,
+            self._ctrl_mode,
+            index=index,
+            roads=self._roads,
+            sensor_frames=self.sensor_frames,
+        )
 
     def add(self, egos: Iterable[Ego]) -> None:
         """Add further egos, after the present ones."""

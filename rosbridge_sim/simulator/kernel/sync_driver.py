@@ -181,10 +181,17 @@ class SyncDriver:
 
         named, call = world.frame + sync.num_frames, WaitingCall(OneTick(end), sync.num_frames)
         self._barrier_call = call
-        wait, is_held = partial(self.calls.append, call), not self._parts.gate.is_open
+        wait = partial(self.calls.append, call)
         try:
             outcome = sync.tick(
-                BARRIER_ID, named, world.frame, barrier, now, on_wait=wait, is_in_turns=True, is_held=is_held
+                BARRIER_ID,
+                named,
+                world.frame,
+                barrier,
+                now,
+                on_wait=wait,
+                is_in_turns=True,
+                is_held=not self._parts.gate.is_open,
             )
         except GraphError as error:  # the world has failed; it is told elsewhere
             barrier.not_moved(str(error), now)
@@ -221,8 +228,16 @@ class SyncDriver:
         def wait() -> None:
             self.calls.append(WaitingCall(OneTick(on_end), sync.num_frames))
 
-        frame, is_held = self._world.frame, not self._parts.gate.is_open
-        outcome = sync.tick(user_id, named, frame, caller, now, on_wait=wait, is_in_turns=True, is_held=is_held)
+        outcome = sync.tick(
+            user_id,
+            named,
+            self._world.frame,
+            caller,
+            now,
+            on_wait=wait,
+            is_in_turns=True,
+            is_held=not self._parts.gate.is_open,
+        )
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
             return

@@ -146,10 +146,19 @@ class MapDrawing:
     def _head(self, number: int, num_pages: int) -> dict[str, Any]:
         points = self._map.roads.points
         low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3), np.zeros(3))
-        bounds = (round(float(value), DIGITS) for value in (*low[:2], *high[:2]))
-        fields = {"result": True, "message": "", "name": self._map.name, "digest": self.digest}
-        fields |= {"page": number, "num_pages": num_pages}
-        return fields | dict(zip(("west", "south", "east", "north"), bounds, strict=True))
+        west, south, east, north = (round(float(value), DIGITS) for value in (*low[:2], *high[:2]))
+        return {
+            "result": True,
+            "message": "",
+            "name": self._map.name,
+            "digest": self.digest,
+            "page": number,
+            "num_pages": num_pages,
+            "west": west,
+            "south": south,
+            "east": east,
+            "north": north,
+        }
 
     def _hash(self) -> str:
         state = blake2b(digest_size=16)

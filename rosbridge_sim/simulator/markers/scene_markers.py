@@ -271,9 +271,17 @@ class _Lamps:
                     points.append((x, y, z + rise))
                     self._colours.append(make.colour(colour))
             self._points = make.points(np.array(points))
-        look = {"size": make.size(LAMP_SIZE, LAMP_SIZE, LAMP_SIZE), "colour": make.colour(DARK)}
-        shape = MarkerShape.SPHERE_LIST
-        return make.group(header, "lights", 0, shape, **look, points=self._points, colours=self._colours)
+        size = make.size(LAMP_SIZE, LAMP_SIZE, LAMP_SIZE)
+        return make.group(
+            header,
+            "lights",
+            0,
+            MarkerShape.SPHERE_LIST,
+            size=size,
+            colour=make.colour(DARK),
+            points=self._points,
+            colours=self._colours,
+        )
 
 
 def _nearest(rows: IntArray, world: World, place: tuple[float, float], most: int) -> IntArray:

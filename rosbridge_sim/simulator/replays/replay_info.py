@@ -84,7 +84,9 @@ class ReplayInfoPublisher:
         vector = self._vector
         climb_accel = world.climb_accel.item(row) if world.dynamics == Dynamics.SINGLE_TRACK else 0.0
         info = self._make_info(
-            *(convert.header(world.frame, "ReplayInfo"), world.throttle.item(row), world.brake.item(row)),
+            convert.header(world.frame, "ReplayInfo"),
+            world.throttle.item(row),
+            world.brake.item(row),
             world.steer.item(row) * DEGREES,
             self._quaternion(*quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))),
             vector(world.accel.item(row), world.lateral_accel.item(row), climb_accel),

@@ -59,7 +59,7 @@ class PictureMessages:
         """Return the BoundingBoxes of a picture."""
         found = []
         for box in boxes:
-            place = self._point(*optical(box.centre)), self._vector(*box.size)
+            centre, size = self._point(*optical(box.centre)), self._vector(*box.size)
             axes = (self._vector(*optical(axis)) for axis in box.axes)
-            found.append(self._box(box.uid, box.label, *box.bounds, box.visibility, *place, *axes))
+            found.append(self._box(box.uid, box.label, *box.bounds, box.visibility, centre, size, *axes))
         return self._boxes(header, found)

@@ -65,10 +65,16 @@ def find_visible_boxes(
         num_hidden = int(np.count_nonzero(~is_own & (depth[window] < nearest[i])))
         # Corners count z first, then y, then x: 0 is low right behind, 1 above it, 4 before it.
         length, height = corners[4] - corners[0], corners[1] - corners[0]
-        kind, visibility = int(np.bincount(label[window][is_own]).argmax()), num_own / (num_own + num_hidden)
-        centre, size, axes = corners.mean(axis=0).tolist(), frame.sizes[row].tolist(), (_unit(length), _unit(height))
-        bounds = [left, top, right, bottom]
-        found.append(VisibleBox(frame.ids.item(row), kind, bounds, visibility, centre, size, axes))
+        box = VisibleBox(
+            uid=frame.ids.item(row),
+            label=int(np.bincount(label[window][is_own]).argmax()),
+            bounds=[left, top, right, bottom],
+            visibility=num_own / (num_own + num_hidden),
+            centre=corners.mean(axis=0).tolist(),
+            size=frame.sizes[row].tolist(),
+            axes=(_unit(length), _unit(height)),
+        )
+        found.append(box)
     return found
 
 

@@ -20,7 +20,8 @@ class VisionMessages:
     """Maker of these messages; generated structs of the types of a store."""
 
     def __init__(self, store: Store) -> None:
-        self._is_ros2, make = store.ros != 1, partial(maker, store)
+        self._is_ros2 = store.ros != 1
+        make = partial(maker, store)
         last = ("source_img", "source_cloud") if store.ros == 1 else ("id", "id")
         self._arrays = {name: make(name, "header detections") for name in (DETECTIONS_2D, DETECTIONS_3D)}
         self._flat = make("vision_msgs/Detection2D", f"header results bbox {last[0]}")

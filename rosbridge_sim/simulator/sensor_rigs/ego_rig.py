@@ -130,10 +130,13 @@ class EgoRig:
         return kept | new
 
     def _add_topic(self, name: str, type_name: str, spec: SensorSpec) -> PeriodicPublisher:
-        full, read = self.prefix + name[1:], partial(self._read_in_frame, spec)
-        is_second = name != spec.topic and type_name == spec.topics[0][1]
         return self._context.publishers.add(
-            full, type_name, read, rate=spec.rate, is_sampled=True, is_second_name=is_second
+            self.prefix + name[1:],
+            type_name,
+            partial(self._read_in_frame, spec),
+            rate=spec.rate,
+            is_sampled=True,
+            is_second_name=name != spec.topic and type_name == spec.topics[0][1],
         )
 
     def _read_in_frame(self, spec: SensorSpec) -> Struct | None:

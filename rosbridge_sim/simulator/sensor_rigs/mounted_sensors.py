@@ -284,9 +284,16 @@ class MountedSensors(Component):
             sights: the sensors; they need not be mounted.
             seen: what moves; None for a copy of what can be seen now.
         """
-        found, seen = self._context.scene.found_map, self._look() if seen is None else seen
-        place = found.road_map, found.name, self._context.world.seed
-        return DrawingJob(*place, seen, tuple(sights), self._weather.weather, is_dressed=self._is_dressed)
+        found = self._context.scene.found_map
+        return DrawingJob(
+            found.road_map,
+            found.name,
+            self._context.world.seed,
+            self._look() if seen is None else seen,
+            tuple(sights),
+            self._weather.weather,
+            is_dressed=self._is_dressed,
+        )
 
     def _look(self) -> SceneFrame:
         """Return a copy of what can be seen now."""

@@ -90,12 +90,18 @@ class Contacts(Component):
 
     def _message(self, world: World, first: int, second: int) -> Struct:
         rows = [first, second]
+        x, y = _place(world, first, second)
         speed, yaw = world.speed[rows], world.yaw[rows]
         velocity = (speed + 1j * world.lateral_speed[rows]) * np.exp(1j * yaw)
         return self._make(
-            *(self._context.convert.header(world.frame, "map"), world.frame),
-            *([self._context.egos.unique_id(row) for row in rows], bytes(world.kind[rows].tolist())),
-            *([world.names[row] for row in rows], *_place(world, first, second), float(world.z[rows].max())),
+            self._context.convert.header(world.frame, "map"),
+            world.frame,
+            [self._context.egos.unique_id(row) for row in rows],
+            bytes(world.kind[rows].tolist()),
+            [world.names[row] for row in rows],
+            x,
+            y,
+            float(world.z[rows].max()),
             abs(complex(velocity[1] - velocity[0])),
         )
 

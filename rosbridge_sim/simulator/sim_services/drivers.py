@@ -51,11 +51,17 @@ class Drivers(Component):
 
     def _message(self) -> Struct:
         context = self._context
-        *fixed, masters, members, time_step, factor, egos = self._values()
-        drivers = [self._make_ego(*fields, list(publishers)) for *fields, publishers in egos]
+        values = self._values()
+        *fixed, masters, members, time_step, factor, egos = values
         return self._make(
-            *(context.convert.header(context.world.frame), context.world.frame, *fixed),
-            *(list(masters), list(members), time_step, factor, drivers),
+            context.convert.header(context.world.frame),
+            context.world.frame,
+            *fixed,
+            list(masters),
+            list(members),
+            time_step,
+            factor,
+            [self._make_ego(*fields, list(publishers)) for *fields, publishers in egos],
         )
 
     def _values(self) -> tuple[Any, ...]:
@@ -63,10 +69,14 @@ class Drivers(Component):
         context = self._context
         sync, barrier = context.sync, context.barrier
         return (
-            *(sync.is_paused, sync.is_on, context.scene.is_replaying, sync.master_id),
+            sync.is_paused,
+            sync.is_on,
+            context.scene.is_replaying,
+            sync.master_id,
             _addresses(barrier.holders if barrier.is_on else sync.holders),
             tuple(barrier.status().members) if barrier.is_on else (),
-            *(sync.step_ms if sync.is_on else 0, context.pacer.factor),
+            sync.step_ms if sync.is_on else 0,
+            context.pacer.factor,
             tuple([self._ego_values(ego) for ego in context.egos if ego.is_there]),
         )
 

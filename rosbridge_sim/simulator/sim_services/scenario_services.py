@@ -123,8 +123,8 @@ class Scenarios(Component):
         first, count = request.first, min(request.count or MAX_LISTED, MAX_LISTED)
 
         def answer(found: Listing) -> None:
-            loaded, time_value = self._context.scene.loaded.name, self._context.bus.store.time_value
-            numbers = {"num_scenarios": found.num_scenarios, "num_recordings": found.num_recordings}
+            loaded = self._context.scene.loaded.name
+            time_value = self._context.bus.store.time_value
             scenarios = []
             for each in found.scenarios:
                 *fields, problem = asdict(each).values()  # in the order of the message
@@ -133,7 +133,13 @@ class Scenarios(Component):
                 self._make_recording(each.name, each.size, time_value(max(each.modified_ns, 0)))
                 for each in found.recordings
             ]
-            call.respond(result=True, scenarios=scenarios, recordings=recordings, **numbers)
+            call.respond(
+                result=True,
+                scenarios=scenarios,
+                num_scenarios=found.num_scenarios,
+                recordings=recordings,
+                num_recordings=found.num_recordings,
+            )
 
         shelf = self._open_shelf()
         self._late.find(call, lambda: shelf.list(first, count), answer, now, Reason.REFUSED)

@@ -122,11 +122,27 @@ class SceneState(Component):
         x, y = motion[:2]
         yaw, speed, z = motion[2:].astype(np.float32)
         pitch, roll = world.block("pitch", "roll").take(rows, axis=1).astype(np.float32)
+        ego_lamps = self._ego_lamps()
         return self._make(
-            *(context.convert.header(world.frame, "map"), world.frame),
-            *(self._road_services.drawing.digest, context.scene.loaded.name),
-            *(layout.ids, layout.kinds, x, y, z, roll, pitch, yaw, speed, *layout.box, layout.shapes, layout.paints),
-            *(self._lamps(layout, self._ego_lamps()), self._flags(layout), *self._lights()),
+            context.convert.header(world.frame, "map"),
+            world.frame,
+            self._road_services.drawing.digest,
+            context.scene.loaded.name,
+            layout.ids,
+            layout.kinds,
+            x,
+            y,
+            z,
+            roll,
+            pitch,
+            yaw,
+            speed,
+            *layout.box,
+            layout.shapes,
+            layout.paints,
+            self._lamps(layout, ego_lamps),
+            self._flags(layout),
+            *self._lights(),
         )
 
     def _view(self) -> Struct | None:
@@ -144,14 +160,25 @@ class SceneState(Component):
         tenths = np.where(left < 0.0, UNKNOWN_VIEW_TIME, np.minimum(np.ceil(left / VIEW_TIME), UNKNOWN_VIEW_TIME - 1))
         lamps, flags = self._lamps(layout, self._ego_lamps()), self._flags(layout)
         return self._make_view(
-            *(context.convert.header(world.frame, "map"), world.frame),
-            *(self._road_services.drawing.digest, context.scene.loaded.name, *origin, layout.ids, layout.kinds),
-            *((x - origin[0]).astype(np.float32), (y - origin[1]).astype(np.float32)),
+            context.convert.header(world.frame, "map"),
+            world.frame,
+            self._road_services.drawing.digest,
+            context.scene.loaded.name,
+            *origin,
+            layout.ids,
+            layout.kinds,
+            (x - origin[0]).astype(np.float32),
+            (y - origin[1]).astype(np.float32),
             _unless_zero((z - origin[2]).astype(np.float32)),
             _unless_zero(_rounded(_wrapped(roll), VIEW_ANGLE)),
             _unless_zero(_rounded(_wrapped(pitch), VIEW_ANGLE)),
-            *(_rounded(_wrapped(yaw), VIEW_ANGLE), _rounded(speed, VIEW_SPEED), *layout.looks),
-            *(lamps if any(lamps) else b"", flags if any(flags) else b"", light_state, tenths.astype(np.uint16)),
+            _rounded(_wrapped(yaw), VIEW_ANGLE),
+            _rounded(speed, VIEW_SPEED),
+            *layout.looks,
+            lamps if any(lamps) else b"",
+            flags if any(flags) else b"",
+            light_state,
+            tenths.astype(np.uint16),
         )
 
     def _lamps(self, layout: _Layout, ego_lamps: list[int]) -> bytes:

@@ -80,9 +80,15 @@ class SavedState(Record, eq=False):
         """Return about how much memory it takes [bytes]."""
         world = self.world
         blocks = (world.floats, world.ints, world.bools, world.paths.segments, world.paths.keys, *world.routes.values())
-        packed = self.loaded.packed.data, *(encode(pack_action(action)) for _, _, action in self.waiting)
-        num_arrays = sum(block.nbytes for block in blocks) + ROW_SIZE * len(world.names)
-        return num_arrays + sum(map(len, packed)) + len(encode(self.components)) + BASE_SIZE
+        waiting = sum(len(encode(pack_action(action))) for _, _, action in self.waiting)
+        return (
+            sum(block.nbytes for block in blocks)
+            + ROW_SIZE * len(world.names)
+            + len(self.loaded.packed.data)
+            + len(encode(self.components))
+            + waiting
+            + BASE_SIZE
+        )
 
     def to_plain(self) -> PlainData:
         """Return it as plain data; see `NodeState.parse`."""
@@ -117,7 +123,10 @@ class NodeState:
         waiting = [(frame, command.source, command.action) for frame, command in context.sync.waiting()]
         ready = [(frame, source, action) for frame, source, action in waiting if action is not None]
         return SavedState(
-            *(context.world.snapshot(), scene.found_map, scene.loaded, scene.next_uid),
+            world=context.world.snapshot(),
+            found=scene.found_map,
+            loaded=scene.loaded,
+            next_uid=scene.next_uid,
             egos=tuple([ego.save_state() for ego in context.egos]),
             waiting=tuple(ready),
             components=self._save_components(),
@@ -224,9 +233,15 @@ class NodeState:
         check_finite(fields.get("egos"), "egos")
         egos = read_as(tuple[EgoState, ...], fields.get("egos"), "egos")
         check_egos(egos, world, self._context.egos.sensor_frames)
-        waiting = [(frame, source, unpack_action(action, maps, known)) for frame, source, action in entries]
-        found = FoundMap(key.name, road_map)
-        return SavedState(world, found, loaded, next_uid, egos, tuple(waiting), components)
+        return SavedState(
+            world=world,
+            found=FoundMap(key.name, road_map),
+            loaded=loaded,
+            next_uid=next_uid,
+            egos=egos,
+            waiting=tuple([(frame, source, unpack_action(action, maps, known)) for frame, source, action in entries]),
+            components=components,
+        )
 
     def try_out(self, saved: SavedState) -> None:
         """Step a copy of a world that came from outside. This may be called in any thread.

@@ -222,10 +222,13 @@ class Snapshots(Component):
     def _make_head(self, state: SavedState) -> Callable[[str], SnapshotHead]:
         """Return a function that makes the head of a snapshot from the hash of its state."""
         context, recording = self._context, self._replay.recording_key
-        maps = tuple([(key.name, key.digest) for key in state.maps])
         return partial(
             SnapshotHead,
-            *(LAYOUT, self._definitions, repr(context.convert.profile), self._dynamics, maps),
+            LAYOUT,
+            self._definitions,
+            repr(context.convert.profile),
+            self._dynamics,
+            tuple([(key.name, key.digest) for key in state.maps]),
             None if recording is None else (recording.name, recording.digest),
             context.world.frame,
         )
