@@ -202,7 +202,7 @@ _MORE_CONSTANTS: Final = {
     "CELL_LEVEL": segment_cells.LEVEL,
     "BESIDE_LANE": segment_search.BESIDE,
     "BESIDE_END": scoring.BESIDE,
-    "LINE_REACH": 50.0,  # a stop line and a step are shorter
+    "LINE_REACH": 50.0,  # a stop line is shorter
     "TOLERANCE": 1e-3,  # rough answers are so much too large [m], [s]
     "NEAR_EDGE": 1e-9,  # sines of two libraries differ by less [m]
     "PI": math.pi,

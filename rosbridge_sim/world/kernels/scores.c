@@ -440,7 +440,8 @@ static int may_pass(const K *k, I i) {
   D new_x = POSE_OF(1, 0) + reach * k->cosine[k->n + i], new_y = POSE_OF(1, 1) + reach * k->sine[k->n + i];
   for (I j = 0; j < k->num_lines; j++) {
     const D *line = k->lines + 4 * j;
-    if (fabs(new_x - line[0]) > LINE_REACH || fabs(new_y - line[1]) > LINE_REACH) continue;
+    if (fabs(new_x - line[0]) > LINE_REACH + fabs(new_x - x)) continue;
+    if (fabs(new_y - line[1]) > LINE_REACH + fabs(new_y - y)) continue;
     D before = (x - line[0]) * line[2] + (y - line[1]) * line[3];
     D after = (new_x - line[0]) * line[2] + (new_y - line[1]) * line[3];
     if (before <= TOLERANCE && after >= -TOLERANCE) return 1;

@@ -101,6 +101,23 @@ def test_all_that_counts_has_been_met() -> None:
     assert any(np.isfinite(world.min_time_to_collision[world.rows(Kind.EGO)]).any() for world in worlds)
 
 
+def test_stop_line_is_passed_in_a_step_that_is_longer_than_it() -> None:
+    """A restored state may have such speeds."""
+    road_map, worlds = built_in("town"), []
+    for _ in range(2):
+        world = World(0, Dynamics.KINEMATIC)
+        world.lay_roads(road_map.roads, road_map.plan)
+        lane = int(road_map.plan.is_before_light.nonzero()[0][0])
+        point, yaw = world.roads.at([lane], [world.roads.length[lane] - 8.0])
+        row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0, gear=Gear.DRIVE))
+        x, y, z = point[0].tolist()
+        world.place(row, x=x, y=y, z=z, yaw=float(yaw[0]), speed=10_000.0)
+        world.start_scoring()
+        worlds.append(world)
+    check_both(worlds[0], worlds[1], 1)
+    assert worlds[0].num_stop_lines[0] == 1
+
+
 def test_many_worlds_are_judged_likewise() -> None:
     one, other = (Worlds("town", 3, traffic=5, seed=7, egos=2) for _ in range(2))
     for part in range(5):
