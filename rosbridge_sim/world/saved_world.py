@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, fields
 from hashlib import blake2b
-from typing import Any, Final, TypeVar
+from types import SimpleNamespace
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
@@ -24,9 +25,10 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import FREE, SignalsSnapshot
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.commands import MAX_COMMAND_ACCEL
-from rosbridge_sim.world.state.control_columns import BODY_COLUMNS
-from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NUM_CORE
+from rosbridge_sim.world.state.control_columns import BODY_COLUMNS, CONTROL_COLUMNS, update_control_columns
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NUM_CORE, EntityArrays
 from rosbridge_sim.world.state.entity_types import (
+    GRAVITY,
     MAX_COORDINATE,
     MAX_SPEED,
     MIN_FRICTION_SHARE,
@@ -81,6 +83,8 @@ _MOST: Final = {
     **dict.fromkeys(("accel", "lateral_accel", "climb_accel", "yaw_rate"), MOST_RATE),
     **dict.fromkeys(("yaw_accel", "pitch_rate", "roll_rate"), MOST_RATE / DT),
     **dict.fromkeys(("drive_lag", "brake_lag"), 1.0),
+    **dict.fromkeys(("ground_pitch", "ground_roll"), math.pi / 2),
+    "grade": GRAVITY,
     "speed_cmd": MAX_SPEED,
     "accel_cmd": MAX_COMMAND_ACCEL,
 }
@@ -198,6 +202,7 @@ class _Reader:
         names, bodies = self._names(n), self._bodies(n)
         self._check_labels(names, bodies, floats, ints, bools)
         _check_amounts(names, floats, ints, bools)
+        self._check_controls(floats, ints, bools)
         # Scores: only while they are kept, and only those that this program has written.
         is_scoring = self._int("is_scoring", 0, 1) == 1
         if not is_scoring:
@@ -362,6 +367,19 @@ class _Reader:
         legs = floats[FLOATS.index("leg_start") : FLOATS.index("leg_dz") + 1, rows]
         is_own = legs == roads.derived(LaneConflicts).legs.take(point, axis=0).T
         _expect(bool(is_own.all()), "floats.leg", "the legs at the points")
+
+    def _check_controls(self, floats: FloatArray, ints: IntArray, bools: Any) -> None:  # noqa: ANN401 - of bools
+        """Check the columns of egos that follow from gears, modes and commands: equations have no bounds for them."""
+        egos = (bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)).nonzero()[0]
+        own = {name: floats[i, egos] for i, name in enumerate(FLOATS)} | {
+            name: ints[INTS.index(name), egos] for name in ("gear", "mode")
+        }
+        arrays = cast("EntityArrays", SimpleNamespace(**own))
+        for i in range(len(egos)):
+            update_control_columns(arrays, i, is_creeping=self._int("is_creeping", 0, 1) == 1)
+        for name in CONTROL_COLUMNS:
+            is_own = own[name] == floats[FLOATS.index(name), egos]
+            _expect(bool(is_own.all()), f"floats.{name}", "figures of gears, modes and commands")
 
     def _paths(self) -> PathsSnapshot:
         segments = self._array("segments", np.float64, (None, NUM_COLUMNS))

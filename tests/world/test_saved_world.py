@@ -10,9 +10,10 @@ import pytest
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.saved_world import from_plain, to_plain
+from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.placement import show_ghosts, teleport
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, car, crossing, road
 
@@ -82,6 +83,23 @@ def test_columns_that_follow_from_others_are_theirs(column: str, row: int, figur
     from_plain(data, world.roads, world.signals.plan)
     data["floats"][FLOATS.index(column), row] = figure
     with pytest.raises(ValueError, match=rf"floats\.{column}"):
+        from_plain(data, world.roads, world.signals.plan)
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+@pytest.mark.parametrize(
+    ("column", "figure"),
+    [("drive", 1e9), ("holding", -1e9), ("throttle_max", -10.0), ("sense", 5.0), ("jerk_limit", 1e9), ("grade", -1e9)],
+)
+def test_control_of_an_ego_is_that_of_its_gear_mode_and_command(column: str, figure: float, mode: Mode) -> None:
+    """A step adds them to accelerations, so that some frames later nobody could restore the state that it gives."""
+    world = some_world()
+    command(world, EGO, mode=mode, steer=0.0, speed=5.0, accel=1.0)
+    step(world)
+    data = to_plain(world.snapshot())
+    from_plain(data, world.roads, world.signals.plan)
+    data["floats"][FLOATS.index(column), EGO] = figure
+    with pytest.raises(ValueError, match=rf"floats\.{column}: expected"):
         from_plain(data, world.roads, world.signals.plan)
 
 

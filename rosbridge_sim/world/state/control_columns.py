@@ -47,6 +47,13 @@ BODY_COLUMNS: Final = {
 """Column -> field of `Body`."""
 
 
+CONTROL_COLUMNS: Final = (
+    *("sense", "drive", "holding", "creep", "rolls", "jerk_limit", "throttle_max"),
+    *("target", "accel_min", "accel_max"),
+)
+"""Columns that `update_control_columns` writes."""
+
+
 def fill_body_columns(arrays: EntityArrays, row: int, body: Body) -> None:
     """Write the limits of a body into the columns of an EGO.
 
