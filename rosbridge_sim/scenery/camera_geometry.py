@@ -270,7 +270,8 @@ class FisheyeModel(CameraModel):
         """Return places on the edges of boxes; see `CameraModel.outline`."""
         start, end = corners[:, _EDGES[:, 0], None], corners[:, _EDGES[:, 1], None]
         share = np.linspace(0.0, 1.0, EDGE_PLACES)[:, None]
-        x, y, z = np.moveaxis((start + share * (end - start)).reshape(len(corners), -1, 3), -1, 0)
+        shape = (len(corners), len(_EDGES) * EDGE_PLACES, 3)
+        x, y, z = np.moveaxis((start + share * (end - start)).reshape(shape), -1, 0)
         aside = np.hypot(y, z)
         angle = np.arctan2(aside, x)
         away = np.where(angle <= self._table[-1], self._bend(angle), np.nan) / np.maximum(aside, 1e-12)

@@ -128,6 +128,14 @@ def test_boxes_behind_outside_too_far_and_left_out_are_not_in_view() -> None:
     assert boxes_in_view(frame, CameraModel(), pose, without=int(frame.ids[3])).rows.tolist() == []
 
 
+@pytest.mark.parametrize("camera", [CameraModel(), FisheyeModel()])
+def test_camera_with_nothing_near_it_sees_no_box(camera: CameraModel) -> None:
+    world = World()
+    world.spawn(Kind.VEHICLE, Body(), name="car", x=200.0, y=0.0)
+    boxes = boxes_in_view(take_frame(world), camera, Pose(0.0, 0.0, 1.5))
+    assert (boxes.rows.shape, boxes.bounds.shape, boxes.corners.shape) == ((0,), (0, 4), (0, 8, 3))
+
+
 def test_box_that_passes_the_camera_reaches_the_edge_of_the_picture() -> None:
     world = World()
     world.spawn(Kind.VEHICLE, Body(), name="car", x=0.0, y=2.5)
