@@ -52,8 +52,7 @@ def told_error(error: BaseException) -> str:
 def told_trace(error: BaseException) -> str:
     """Return the traceback of an error of the user's code, as it may be kept."""
     output = KeptOutput()
-    for line in traceback.format_exception(error):
-        output.write(line)
+    output.writelines(traceback.format_exception(error))
     return output.text
 
 

@@ -329,8 +329,7 @@ def boxes_in_view(
     is_any = np.isfinite(place).any(axis=(1, 2))
     rows, place = rows[is_any], place[is_any]
     limit = np.array([camera.width, camera.height], dtype=np.float64)
-    low_corner = np.clip(np.nanmin(place, axis=1), 0.0, limit) if len(rows) else np.zeros((0, 2))
-    high_corner = np.clip(np.nanmax(place, axis=1), 0.0, limit) if len(rows) else np.zeros((0, 2))
-    is_seen = (high_corner > low_corner).all(axis=1)
-    bounds = np.concatenate([low_corner, high_corner], axis=1)
+    low, high = (np.clip(bound(place, axis=1), 0.0, limit) for bound in (np.nanmin, np.nanmax))
+    is_seen = (high > low).all(axis=1)
+    bounds = np.concatenate([low, high], axis=1)
     return Box2D(rows[is_seen], bounds[is_seen], corners[rows][is_seen])

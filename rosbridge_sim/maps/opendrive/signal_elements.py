@@ -187,9 +187,7 @@ class LanesOfRoads:
         for row in self.of_road[road.id]:
             piece = self.pieces[row]
             middle = float(piece.aside[np.abs(piece.s - place.s).argmin()])
-            if not _is_at(piece, place.s):
-                continue
-            if not place.holds_for(piece.lane, middle, is_forward=piece.is_forward):
+            if not (_is_at(piece, place.s) and place.holds_for(piece.lane, middle, is_forward=piece.is_forward)):
                 continue
             if not _is_at_junction(road, place.s, is_forward=piece.is_forward):
                 if abs(float(piece.s[-1]) - place.s) < NEAR_CUT:

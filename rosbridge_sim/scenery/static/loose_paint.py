@@ -6,6 +6,7 @@ and where an edge line lies outside of the lane. Asphalt is laid below it, and k
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
@@ -48,7 +49,7 @@ class LoosePaint:
         lines = [border.line for border in road_map.borders if is_painted(border)]
         lines += [np.concatenate([marking.outline, marking.outline[:1]]) for marking in road_map.markings]
         lines = [take_at(line, _arcs(float(arc_lengths(line[:, :2])[-1]), MAX_PLACES)) for line in lines]
-        tiles = np.concatenate([np.zeros((0, 4, 3)), *map(_cut, road_map.crosswalks)])
+        tiles = np.concatenate([np.zeros((0, 4, 3)), *(quads for each in road_map.crosswalks for quads in _cut(each))])
         places = np.concatenate([np.zeros((0, 3)), *lines, tiles.mean(axis=1)])
         is_bare = ~cover.is_on(places, margin=ASPHALT_MARGIN)
         self._places = places[is_bare][~cover.is_on(places[is_bare], margin=SHOULDER)]
@@ -88,9 +89,8 @@ def _arcs(length: float, most: int) -> FloatArray:
     return np.linspace(0.0, length, min(max(round(length / STEP), 1), most) + 1)
 
 
-def _cut(crosswalk: Crosswalk) -> FloatArray:
-    """Return the parts of a crosswalk in pieces of about `STEP`, (k, 4, 3) counter-clockwise."""
-    found = [np.zeros((0, 4, 3))]
+def _cut(crosswalk: Crosswalk) -> Iterator[FloatArray]:
+    """Yield each part of a crosswalk in pieces of about `STEP`, (k, 4, 3) counter-clockwise."""
     for outline in crosswalk.outlines:
         corners = four_corners(outline)
         if corners is None:
@@ -101,5 +101,4 @@ def _cut(crosswalk: Crosswalk) -> FloatArray:
         u, v = u[:, None, None], v[None, :, None]
         grid = (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * b + v * c)
         quads = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
-        found.append(quads.reshape(-1, 4, 3))
-    return np.concatenate(found)
+        yield quads.reshape(-1, 4, 3)
