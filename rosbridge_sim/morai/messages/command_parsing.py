@@ -201,11 +201,16 @@ def lamps_of(lamps: Struct) -> tuple[int, int]:
     Raises:
         FieldError: a value that means no lamp.
     """
-    if lamps.turnSignal not in _TURN_SIGNALS:
-        raise FieldError(f"lamps.turnSignal: expected 0, 1 or 2, got {lamps.turnSignal}")
-    if lamps.emergencySignal not in _EMERGENCY_SIGNALS:
-        raise FieldError(f"lamps.emergencySignal: expected 0 or 1, got {lamps.emergencySignal}")
-    return lamps.turnSignal, lamps.emergencySignal
+    return check_lamps(("lamps.turnSignal", lamps.turnSignal), ("lamps.emergencySignal", lamps.emergencySignal))
+
+
+def check_lamps(turn: tuple[str, int], emergency: tuple[str, int]) -> tuple[int, int]:
+    """Return a turn signal and an emergency signal, each given behind the name of its field; see `lamps_of`."""
+    if turn[1] not in _TURN_SIGNALS:
+        raise FieldError(f"{turn[0]}: expected 0, 1 or 2, got {turn[1]}")
+    if emergency[1] not in _EMERGENCY_SIGNALS:
+        raise FieldError(f"{emergency[0]}: expected 0 or 1, got {emergency[1]}")
+    return turn[1], emergency[1]
 
 
 def _lamps_of_signal(signal: int) -> tuple[int, int]:

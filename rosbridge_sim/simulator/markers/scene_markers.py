@@ -28,7 +28,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.markers.map_markers import lamp_height, make_map_markers
 from rosbridge_sim.simulator.markers.markers import COLOURS, KIND_LOOKS, LAMPS, MARKER_ARRAY, MarkerMaker, MarkerShape
 from rosbridge_sim.units import MPS_TO_KMH
-from rosbridge_sim.world.geometry.planar import IntArray, Vector, quaternion, rotate
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Vector, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
 
 SCENE_MAP: Final = "/sim/scene/map"
@@ -195,8 +195,8 @@ class SceneMarkers(Component):
         numbers = {ego.uid: ego.index for ego in egos}
         rows = np.fromiter(world.placed(), dtype=np.int64, count=len(world))
         place = (world.x.item(egos.first.row), world.y.item(egos.first.row)) if egos.first.is_there else (0.0, 0.0)
-        rows = _nearest(rows, world, place, MAX_BODIES)
-        has_label = set(_nearest(rows, world, place, MAX_LABELS).tolist())
+        rows = rows[_nearest(world.x[rows], world.y[rows], place, MAX_BODIES)]
+        has_label = set(rows[_nearest(world.x[rows], world.y[rows], place, MAX_LABELS)].tolist())
         # One call for each column: single values out of arrays would take most of the time.
         columns = (getattr(world, name)[rows].tolist() for name in _COLUMNS)
         markers: list[Struct] = []
@@ -254,10 +254,7 @@ class _Lamps:
             roads = world.roads
             self._heads = np.array([(light.x, light.y, lamp_height(light, roads)) for light in plan.lights])
             self._map, self._key = road_map, None
-        near: list[int] = list(range(len(plan.lights)))
-        if len(near) > MAX_LAMPS:
-            away = np.hypot(self._heads[:, 0] - place[0], self._heads[:, 1] - place[1])
-            near = np.sort(np.argsort(away, kind="stable")[:MAX_LAMPS]).tolist()
+        near = _nearest(self._heads[:, 0], self._heads[:, 1], place, MAX_LAMPS).tolist()
         key = (shown.tobytes(), near if len(near) < len(plan.lights) else None)
         if key != self._key:
             self._key = key
@@ -284,12 +281,12 @@ class _Lamps:
         )
 
 
-def _nearest(rows: IntArray, world: World, place: tuple[float, float], most: int) -> IntArray:
-    """Return the entities nearest to a place, in the given order, at most so many."""
-    if len(rows) <= most:
-        return rows
-    away = np.hypot(world.x[rows] - place[0], world.y[rows] - place[1])
-    return rows[np.sort(np.argsort(away, kind="stable")[:most])]
+def _nearest(x: FloatArray, y: FloatArray, place: tuple[float, float], most: int) -> IntArray:
+    """Return the positions of the points nearest to a place, in the given order, at most so many."""
+    if len(x) <= most:
+        return np.arange(len(x))
+    away = np.hypot(x - place[0], y - place[1])
+    return np.asarray(np.sort(np.argsort(away, kind="stable")[:most]))
 
 
 def _sum(place: Vector, way: Vector) -> Vector:

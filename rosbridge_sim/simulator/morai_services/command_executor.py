@@ -39,19 +39,22 @@ class CommandExecutor:
 
     def carry_out(self, command: SceneCommand, now: float) -> None:
         """Carry out a command; what is wrong with it is told to its sender, and then nothing has changed."""
-        match command.action:
-            case ControlEgo() as action:
-                self._control(action, command)
-            case ShiftEgo() as action:
-                self._shift(action, command)
-            case AddObject() as action:
-                self._add(action, command)
-            case RemoveObject() as action:
-                self._remove(action, command)
-            case LoadScenario() as action:
-                self._load(action, command, now)
-            case None:
-                raise AssertionError("no tick moves past a command that is not ready")
+        try:
+            match command.action:
+                case ControlEgo() as action:
+                    self._control(action, command)
+                case ShiftEgo() as action:
+                    self._shift(action, command)
+                case AddObject() as action:
+                    self._add(action)
+                case RemoveObject() as action:
+                    self._remove(action)
+                case LoadScenario() as action:
+                    self._load(action, now)
+                case None:
+                    raise AssertionError("no tick moves past a command that is not ready")
+        except (PeerError, DocumentError) as error:
+            command.notify("error", f"{command.source}: {error}")
 
     def _find_ego(self, uid: int) -> Ego | None:
         """Return the ego with this id in the world; None if it is gone."""
@@ -85,27 +88,16 @@ class CommandExecutor:
         if why is not None:
             command.notify("warning", f"{command.source}: {why}")
 
-    def _add(self, action: AddObject, command: SceneCommand) -> None:
-        try:
-            uid = self._context.scene.add(action.model, x=action.x, y=action.y, z=action.z, yaw=action.yaw)
-        except PeerError as error:
-            command.notify("error", f"{command.source}: {error}")
-        else:
-            _log.info("added %s with unique_id %d", action.model.name, uid)
+    def _add(self, action: AddObject) -> None:
+        uid = self._context.scene.add(action.model, x=action.x, y=action.y, z=action.z, yaw=action.yaw)
+        _log.info("added %s with unique_id %d", action.model.name, uid)
 
-    def _remove(self, action: RemoveObject, command: SceneCommand) -> None:
+    def _remove(self, action: RemoveObject) -> None:
         context, unique_id = self._context, action.unique_id
-        try:
-            if unique_id not in context.world and context.egos.find(unique_id) is not None:
-                raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
-            context.scene.remove(unique_id)
-        except PeerError as error:
-            command.notify("error", f"{command.source}: {error}")
+        if unique_id not in context.world and context.egos.find(unique_id) is not None:
+            raise FieldError(f"unique_id {unique_id}: the ego cannot be removed")
+        context.scene.remove(unique_id)
 
-    def _load(self, action: LoadScenario, command: SceneCommand, now: float) -> None:
-        try:
-            self._context.scene_changes.carry_out(
-                action.load, is_pausing=action.is_pausing, now=now, network=action.network
-            )
-        except DocumentError as error:
-            command.notify("error", f"{command.source}: {error}")
+    def _load(self, action: LoadScenario, now: float) -> None:
+        change = self._context.scene_changes.carry_out
+        change(action.load, is_pausing=action.is_pausing, now=now, network=action.network)

@@ -17,9 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from rosbridge_sim.errors import DocumentError, GraphError, PeerError
+from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.policy import is_allowed
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.plain_values import without_unknown
@@ -219,20 +220,13 @@ class ReplayedPlans:
 
 def without_denied_plans(recording: Recording, caller: Participant) -> Recording:
     """Return a recording without the plans that the caller may not publish; a remark says so."""
-    denied = [plan for plan in recording.plans if not _may_publish(caller, plan)]
+    plans = recording.plans
+    denied = [plan for plan in plans if not is_allowed(caller.check_publish, plan.topic, plan.type_name)]
     if not denied:
         return recording
     return recording.without_plans(
         denied, f"{len(denied)} topics with plans are left out: not allowed to publish there"
     )
-
-
-def _may_publish(caller: Participant, plan: RecordedPlan) -> bool:
-    try:
-        caller.check_publish(plan.topic, plan.type_name)
-    except GraphError:
-        return False
-    return True
 
 
 class GuestPublisher(Participant):

@@ -25,6 +25,18 @@ def failing(handle: Callable[[Call, float], None]) -> Callable[[Call, float], No
     return handle_or_fail
 
 
+def answer_or_fail(
+    call: Call, found: T | DocumentError, answer: Callable[[T], None], reason: Reason | None = None
+) -> None:
+    """Answer a call that still waits, or have it fail where the reader found an error."""
+    if call.is_done:
+        return
+    if isinstance(found, DocumentError):
+        call.fail(GraphError(str(found), reason=reason))
+    else:
+        answer(found)
+
+
 class LateAnswers:
     """Calls that wait for the reader of a simulator.
 
@@ -50,12 +62,7 @@ class LateAnswers:
 
         def then(found: T | DocumentError, _now: float) -> None:
             self.num_waiting -= 1
-            if call.is_done:
-                return
-            if isinstance(found, DocumentError):
-                call.fail(GraphError(str(found), reason=reason))
-            else:
-                answer(found)
+            answer_or_fail(call, found, answer, reason)
 
         self.num_waiting += 1
         self._context.reader.read(work, answering(call.refuse, then), now)

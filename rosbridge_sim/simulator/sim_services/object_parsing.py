@@ -14,6 +14,7 @@ import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.command_parsing import check_lamps
 from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model
 from rosbridge_sim.simulator.egos.ego import CtrlMode
@@ -41,9 +42,6 @@ MAX_TURN_TO_LANE: Final = math.radians(60.0)
 
 FEWEST_POINTS: Final = 2
 """Of a path: where it begins and where it ends."""
-
-_TURN_SIGNALS: Final = (0, 1, 2)
-_EMERGENCY_SIGNALS: Final = (0, 1)
 
 
 class Behaviour(Enum):
@@ -400,11 +398,8 @@ def _read_ctrl_mode(number: int, where: str) -> CtrlMode:
 
 
 def _read_lamps(message: Struct, where: str) -> tuple[int, int]:
-    if message.turn_signal not in _TURN_SIGNALS:
-        raise FieldError(f"{where}.turn_signal: expected 0, 1 or 2, got {message.turn_signal}")
-    if message.emergency_signal not in _EMERGENCY_SIGNALS:
-        raise FieldError(f"{where}.emergency_signal: expected 0 or 1, got {message.emergency_signal}")
-    return message.turn_signal, message.emergency_signal
+    turn, emergency = message.turn_signal, message.emergency_signal
+    return check_lamps((f"{where}.turn_signal", turn), (f"{where}.emergency_signal", emergency))
 
 
 def _speed(value: float, where: str) -> float:

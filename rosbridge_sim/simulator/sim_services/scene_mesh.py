@@ -16,6 +16,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.reading import answering
+from rosbridge_sim.simulator.sim_services.late_answers import answer_or_fail
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 
 MAX_LANES: Final = 10_000
@@ -86,12 +87,7 @@ class SceneMesh(Component):
         self._context.reader.read(work, then, now)
 
     def _end(self, call: Call, outcome: MeshPages | DocumentError, _now: float) -> None:
-        if call.is_done:
-            return
-        if isinstance(outcome, DocumentError):
-            call.fail(GraphError(str(outcome)))
-        else:
-            self._answer(call, outcome)
+        answer_or_fail(call, outcome, partial(self._answer, call))
 
     def _answer(self, call: Call, mesh: MeshPages) -> None:
         request: Any = call.request
