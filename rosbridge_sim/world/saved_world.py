@@ -83,7 +83,6 @@ _MOST: Final = {
     **dict.fromkeys(("accel", "lateral_accel", "climb_accel", "yaw_rate"), MOST_RATE),
     **dict.fromkeys(("yaw_accel", "pitch_rate", "roll_rate"), MOST_RATE / DT),
     **dict.fromkeys(("drive_lag", "brake_lag"), 1.0),
-    **dict.fromkeys(("ground_pitch", "ground_roll"), math.pi / 2),
     "grade": GRAVITY,
     "speed_cmd": MAX_SPEED,
     "accel_cmd": MAX_COMMAND_ACCEL,

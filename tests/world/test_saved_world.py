@@ -171,3 +171,13 @@ def test_ghost_that_is_driven_on_has_wheels_and_pedals_of_its_car() -> None:
     teleport(world, EGO, x=0.0, y=60.0, z=0.0, yaw=0.0)
     assert [getattr(world, name)[EGO] for name in shown] == [-CAR.max_steer, 1.0, 0.0]
     from_plain(to_plain(world.snapshot()), world.roads, world.signals.plan)
+
+
+def test_ego_that_was_placed_with_several_turns_of_roll_can_be_restored() -> None:
+    """`/ego_setting` takes any angle."""
+    world = some_world()
+    teleport(world, EGO, x=0.0, y=60.0, z=0.0, yaw=0.0, pitch=-7.0, roll=1e6)
+    for _ in range(3):
+        data = to_plain(world.snapshot())
+        from_plain(data, world.roads, world.signals.plan)
+        step(world)
