@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from rosbridge_sim.world.geometry.planar import FloatArray
 
 
 def check_number(name: str, value: object, least: int = 1) -> None:

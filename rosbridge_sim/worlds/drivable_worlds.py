@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.world.followers.self_driving import change_lane, start_self_driving
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.state.commands import command_all, shift
@@ -20,10 +21,6 @@ from rosbridge_sim.worlds.ego_table import EgoTable, Part
 from rosbridge_sim.worlds.occupancy import GRID_FIGURES, find_grids, num_cells
 from rosbridge_sim.worlds.rays import RAY_FIGURES, cast_rays
 from rosbridge_sim.worlds.surroundings import LANE_FIGURES, OTHER_FIGURES, find_lanes, find_lights, find_others
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
-BoolArray = npt.NDArray[np.bool_]
 
 EGO_FIGURES: Final = (
     *("x", "y", "z", "roll", "pitch", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate"),

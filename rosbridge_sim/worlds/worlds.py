@@ -18,6 +18,7 @@ from rosbridge_sim.simulator.scene.load import FoundMap
 from rosbridge_sim.simulator.sim_services.traffic_demand import COUNT_INTERVAL
 from rosbridge_sim.world.demand import stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
 from rosbridge_sim.world.saved_world import from_plain, to_plain
@@ -29,8 +30,6 @@ from rosbridge_sim.worlds.one_scene import TRAFFIC_INTERVAL, OneScene, SavedScen
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Worlds"]
-
-BoolArray = npt.NDArray[np.bool_]
 
 MAX_BEGINS: Final = 256
 """Beginnings of episodes that are kept, by scenario and seed: 0.1 MB each, with a hundred entities."""

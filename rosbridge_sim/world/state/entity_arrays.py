@@ -13,9 +13,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-
-BoolArray = npt.NDArray[np.bool_]
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 
 MIN_ROWS: Final = 32
 """Rows that memory is taken for at least: a small world then never grows its blocks."""

@@ -19,7 +19,7 @@ from typing import Final, Self
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.paths import Paths, lay_segments
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -36,7 +36,6 @@ from rosbridge_sim.world.state.entity_arrays import (
     LANE_CHANGE_CODES,
     LANE_CHANGE_COLUMNS,
     NUM_CORE,
-    BoolArray,
 )
 from rosbridge_sim.world.state.entity_rows import MAX_UID, EntityRows
 from rosbridge_sim.world.state.entity_types import (
