@@ -167,7 +167,7 @@ def test_third_signal_ends_a_stuck_event_loop_at_once(loop: str) -> None:
             process.send_signal(signal.SIGINT)
             assert read_line(process) == "stopping\n"
             process.send_signal(signal.SIGINT)
-            process.send_signal(signal.SIGTERM)  # if both come at once, Python handles the lower number first
-            assert process.wait(PATIENCE) == 128 + signal.SIGTERM
+            process.send_signal(signal.SIGTERM)  # if both come at once, either may be handled as the third
+            assert process.wait(PATIENCE) in {128 + signal.SIGINT, 128 + signal.SIGTERM}
         finally:
             process.kill()
