@@ -146,7 +146,7 @@ _WORDS: Final[dict[int, tuple[str, str]]] = {
     Lamp.DOWN_LEFT: ("gdownleft", "lowerleft"),
     Lamp.DOWN_RIGHT: ("gdownright", "lowerright"),
 }
-"""What colours of schedules and types of lights call each lamp."""
+"""Words for each lamp: those of colours in schedules, and those of sub-types of lights."""
 
 _COLOURS, _SUB_TYPES = ({word: lamp for lamp, each in _WORDS.items() for word in each[i].split()} for i in (0, 1))
 _COLOURS.update(dict.fromkeys(("", "none", "off"), 0))

@@ -22,7 +22,9 @@ def _colours(text: str) -> NDArray[np.uint8]:
 
 
 # White is about a third of all cars (Axalta's report on colours, Asia, 2023).
-_CARS: Final = _colours("e2e4e4" * 8 + "1a1b1e" * 5 + "606468" * 4 + "a8acb0" * 3 + "263e70" * 2 + "961c1e705c46344e3c")
+_CARS: Final = _colours(
+    "e2e4e4" * 8 + "1a1b1e" * 5 + "606468" * 4 + "a8acb0" * 3 + "263e70" * 2 + "961c1e 705c46 344e3c"
+)
 _BUSES: Final = _colours("2c6e3e 265ca8 c43c2c")
 _SHIRTS: Final = _colours("96282c 2c4278 3c3e42 cec8be 466246 78583c 563e68 1e2026")
 _TROUSERS: Final = _colours("28304a 222226 5c5446 3a3c40")

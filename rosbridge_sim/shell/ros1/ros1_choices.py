@@ -1,4 +1,4 @@
-"""The choices for our node of ROS 1: its names, its addresses, and its master; and what all its parts share."""
+"""The choices for our node of ROS 1 (its names, addresses and master), and the objects that all its parts use."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Ros1Choices(Record):
 
 @dataclass(frozen=True)
 class Ros1Parts:
-    """What the parts of the node share; names of topics and services are those of the bus.
+    """Objects that all parts of our node use. Topics and services have their names on the bus.
 
     Attributes:
         log: has each line once.
