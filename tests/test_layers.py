@@ -131,7 +131,7 @@ shell.files: * documents maps morai scenarios schema schema.definitions shell.co
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.mocking: * documents graph graph.peers mock protocol schema shell.bags shell.clocks shell.config shell.files
     shell.websocket
-shell.rendering: records scenery scenery.moving world.geometry
+shell.rendering: packaged records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
 shell.kernels: errors version world world.contacts world.followers world.kernels world.people world.vehicle
@@ -155,7 +155,7 @@ environments: records scenery scenery.static shell shell.rendering simulator.sna
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.files cli.tools link
-cli.simulator: * cli.tools link
+cli.simulator: * cli.tools link packaged
 cli.doctor: * cli.tools doctor link
 cli.contracts: * cli.tools contracts documents junit link
 cli.tools: * client documents graph graph.gateway graph.ros1 graph.ros2 link morai schema schema.definitions

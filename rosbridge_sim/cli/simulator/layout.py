@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, Final
 
 import orjson
@@ -12,6 +11,7 @@ import orjson
 from rosbridge_sim.cli.tools.text import note, put
 from rosbridge_sim.cli.tools.tool_client import Bridge
 from rosbridge_sim.cli.tools.topic import types_of_topics
+from rosbridge_sim.packaged import read_packaged
 
 TOPICS: Final = {
     "/sim/scene/map": "visualization_msgs/MarkerArray",
@@ -90,7 +90,7 @@ def lichtblick(names: Names, ros: int) -> str:
         names: see `choose_names`.
         ros: 1 or 2.
     """
-    text = (Path(__file__).parent / "lichtblick.json").read_text("utf-8")
+    text = read_packaged("cli/simulator/lichtblick.json")
     if ros == 2:  # noqa: PLR2004 - ROS 2
         text = text.replace("morai_msgs/CtrlCmd", "morai_msgs/msg/CtrlCmd")
     layout = orjson.loads(re.sub("|".join(TOPICS), lambda default: _quoted(names[default[0]])[1:-1], text))
@@ -145,7 +145,7 @@ def rviz(names: Names, ros: int) -> str:
 
 def _template(part: str, **words: str) -> str:
     """Return a part of the configuration from its file in `rviz/`."""
-    return (Path(__file__).parent / "rviz" / f"{part}.yaml").read_text("utf-8").format(**words)
+    return read_packaged(f"cli/simulator/rviz/{part}.yaml").format(**words)
 
 
 def _quoted(text: str) -> str:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 from functools import cache
-from pathlib import Path
 from typing import Final
+
+from rosbridge_sim.packaged import read_packaged
 
 MAX_BEAMS: Final = 6
 """Vehicles whose head lamps light the road in a picture."""
@@ -34,7 +35,7 @@ class Coat(StrEnum):
 @cache
 def source_of(name: str) -> str:
     """Return the text of a program, such as `sky.vert`; that of `scene.frag` lacks its first lines."""
-    return (Path(__file__).parent / "glsl" / name).read_text("utf-8")
+    return read_packaged(f"shell/rendering/glsl/{name}")
 
 
 def scene_fragment(coat: Coat, *, is_dark: bool, is_wet: bool) -> str:
