@@ -33,18 +33,19 @@ async def main(*ops):
         assert "pyproj" not in sys.modules  # nobody has asked for a fix
         for op in ops:
             await client.send(json.dumps(op))
-        while json.loads(await client.recv()).get("op") != ops[-1]["id"]:
-            pass
+        message = {}
+        while ops[-1]["id"] not in (message.get("id"), message.get("topic")):
+            message = json.loads(await client.recv())
 
 sys.meta_path.insert(0, Finder())
 SYNC = {"request": {"user_id": "me", "start_sync_mode": True, "time_step": 20}}
 STEP = {"user_id": "me", "n": 1, "topics": ["/gps"]}
 """
 WAYS = {
-    "gps": 'main({"op": "subscribe", "topic": "/gps", "id": "publish"})',
-    "fix": 'main({"op": "subscribe", "topic": "/fix", "id": "publish"})',
+    "gps": 'main({"op": "subscribe", "topic": "/gps", "id": "/gps"})',
+    "fix": 'main({"op": "subscribe", "topic": "/fix", "id": "/fix"})',
     "step": 'main({"op": "call_service", "service": "/SyncModeCmd", "args": SYNC, "id": "a"}, '
-    '{"op": "call_service", "service": "/sim/step", "args": STEP, "id": "service_response"})',
+    '{"op": "call_service", "service": "/sim/step", "args": STEP, "id": "b"})',
 }
 
 
