@@ -278,8 +278,9 @@ async def test_gateway_goes_on_after_a_failed_world_with_serve(
         client, other = await connect(sim.url), await connect(sim.url)
         assert (await get(sim.port, "/healthz"))[0] == 200
         assert sim.node is not None
-        sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
         await client.send("subscribe", topic="/rosout", type="rosgraph_msgs/Log")
+        await client.settle()
+        sim.node.context.hooks.place.append(lambda: 1 // 0)  # as good a bug as any
         await client.message_where("/rosout", lambda line: line["level"] == 16)
         status, body = await get(sim.port, "/healthz")
         assert (status, json.loads(body)["reason"][:21]) == (503, "the world has failed:")
