@@ -15,6 +15,7 @@ import signal
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from types import FrameType
 from typing import TYPE_CHECKING
 
 from rosbridge_sim import __version__
@@ -57,14 +58,20 @@ def serve(argv: Sequence[str], command: ServerCommand = "serve") -> int:
     _start_log(settings)
     for line in strange_variables(os.environ):
         _log.warning("%s", line)
-    for number in stop_signals():
-        signal.signal(number, lambda *_: sys.exit(0))  # until the simulator is built
+    early: list[signal.Signals] = []
+
+    def leave(number: int, _frame: FrameType | None) -> None:
+        early.append(signal.Signals(number))
+        sys.exit(0)
+
+    for one in stop_signals():
+        signal.signal(one, leave)  # until the simulator is built
     keep_memory()
     from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - not needed for --help or after a mistake
 
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         try:
-            return runner.run(_run(Simulator(settings)))
+            return runner.run(_run(Simulator(settings), early))
         except DocumentError as error:
             if settings.log_format == "text":
                 raise  # `main` prints it
@@ -85,8 +92,13 @@ def _find_more(settings: Settings) -> Sequence[str]:
     return mistakes_of_items(settings)
 
 
-async def _run(simulator: Simulator) -> int:
-    """Run a simulator until a signal or its own failure ends it; return the exit code."""
+async def _run(simulator: Simulator, early: Sequence[signal.Signals] = ()) -> int:
+    """Run a simulator until a signal or its own failure ends it; return the exit code.
+
+    Args:
+        early: signals that came before. They should have ended the program, but the interpreter drops what a handler
+            raises within a callback of a weak reference.
+    """
     await simulator.start()
     assert simulator.descriptors is not None
     asyncio.get_running_loop().set_exception_handler(simulator.descriptors.take)
@@ -97,6 +109,8 @@ async def _run(simulator: Simulator) -> int:
         stopped.set_result(None)
 
     with on_stop_signals(stop, simulator.close_recording):
+        if early:
+            stop(early[0])
         try:
             failed = await _serve_until(stopped, simulator)
         finally:
