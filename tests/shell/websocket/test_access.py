@@ -850,7 +850,7 @@ async def test_open_access_without_a_token_is_warned_of_once(caplog: pytest.LogC
         ({"allow_origin": ["https://*.example.org"], "allow_host": ["*.example.org"]}, 0),
     ):
         caplog.clear()
-        async with Simulator(world=False, **options):
+        async with Simulator(port=0, world=False, **options):
             pass
         warnings = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
         assert len(warnings) == num_lines, warnings
