@@ -37,9 +37,16 @@ def end_of(*words: str, code: str | None = None) -> int:
         return process.wait()
 
 
-def served(stop: Callable[[ForkedProgram, int], None]) -> int:
+WAITING = (
+    "import sys; from rosbridge_sim.shell.websocket import server; server.CLOSE_TIMEOUT = 3600.0; "
+    "from rosbridge_sim.__main__ import main; sys.exit(main())"
+)
+"""A server that waits for a client until a second signal, however late that one comes."""
+
+
+def served(stop: Callable[[ForkedProgram, int], None], code: str | None = None) -> int:
     """Start a server, stop it in some way; its exit code."""
-    with start("--port", "0") as process:
+    with start("--port", "0", code=code) as process:
         assert process.stdout is not None
         stop(process, int(process.stdout.readline().strip().rpartition(":")[2]))
         process.communicate(timeout=PATIENCE)
@@ -98,9 +105,9 @@ CASES: dict[str, tuple[int, Callable[[Path], int]]] = {
     "a mistake in the settings": (2, lambda _: end_of("--prot", "1")),
     "a scenario that cannot be used": (2, lambda _: end_of("--port", "0", "--scenario", "nothing")),
     "no rosbridge": (2, nobody_answers),
-    "a second signal, SIGINT": (130, lambda _: served(second_signal(signal.SIGINT))),
+    "a second signal, SIGINT": (130, lambda _: served(second_signal(signal.SIGINT), WAITING)),
     "Ctrl-C": (130, ctrl_c),
-    "a second signal, SIGTERM": (143, lambda _: served(second_signal(signal.SIGTERM))),
+    "a second signal, SIGTERM": (143, lambda _: served(second_signal(signal.SIGTERM), WAITING)),
 }
 
 

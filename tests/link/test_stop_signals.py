@@ -29,6 +29,9 @@ KINDS = pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
 MAIN = "import sys; from rosbridge_sim.__main__ import main; sys.exit(main())"
 WITHOUT_UVLOOP = f"import sys; sys.modules['uvloop'] = None; {MAIN}"
 
+WAITING = "from rosbridge_sim.shell.websocket import server; server.CLOSE_TIMEOUT = 3600.0; "
+"""Before the code of a server: it waits for its client until a second signal, however late that one comes."""
+
 
 @contextmanager
 def server_process(code: str, *flags: str) -> Iterator[tuple[ForkedProgram, int]]:
@@ -68,7 +71,7 @@ def server(moving_server: ServerProcess) -> ServerProcess:
 
 @pytest.mark.parametrize(("name", "code"), [("a.bag", MAIN), ("a.mcap", MAIN), ("a", MAIN), ("a.bag", WITHOUT_UVLOOP)])
 def test_second_signal_closes_the_recording_and_stops_the_server(tmp_path: Path, code: str, name: str) -> None:
-    with server_process(code, "--record", str(tmp_path / name)) as (process, _):
+    with server_process(WAITING + code, "--record", str(tmp_path / name)) as (process, _):
         process.send_signal(signal.SIGTERM)
         wait_for(process, "SIGTERM: stopping")
         process.send_signal(signal.SIGINT)
