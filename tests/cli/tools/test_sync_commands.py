@@ -15,7 +15,7 @@ from rosbridge_sim.cli.tools.sync_commands import RESUME, why_silent
 from rosbridge_sim.cli.tools.tool_client import open_bridge
 from rosbridge_sim.simulator.sync.sync_table import SyncState
 from tests.cli.tool_fixture import Frame, Result, answering, in_the_background, other_server
-from tests.support import Client
+from tests.support import PATIENCE, Client
 
 
 @pytest_asyncio.fixture
@@ -39,44 +39,48 @@ async def ended(sim: Simulator, num_left: int = 0) -> None:
 # Tools that wait
 
 
+@pytest.mark.usefixtures("patient_answers")
 @pytest.mark.parametrize("words", [("topic", "echo", "/Ego_topic", "--once"), ("topic", "hz", "/Ego_topic")])
 async def test_waiting_tool_times_out_and_says_that_the_world_waits_for_ticks(
     standing: Simulator, words: tuple[str, ...]
 ) -> None:
-    done = await in_the_background(*words, "--timeout", "0.5", url=standing.url)
-    text = "no message on /Ego_topic within 0.5 s: the world stands until a master ticks, and there is no master;"
+    done = await in_the_background(*words, "--timeout", "0.05", url=standing.url)
+    text = "no message on /Ego_topic within 0.05 s: the world stands until a master ticks, and there is no master;"
     assert (done.code, done.out) == (1, "")
     assert done.complaint == f"{text} rosbridge-sim tick N --start moves it"
 
 
+@pytest.mark.usefixtures("patient_answers")
 async def test_waiting_tool_names_the_master_of_synchronous_mode(standing: Simulator) -> None:
     async with await Client.open(standing.url) as master:
         await lead(master)
-        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.5", url=standing.url)
+        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.05", url=standing.url)
         assert done.complaint.endswith("the world stands until a master ticks; the master is 'planner'")
         await master.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
-        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.5", url=standing.url)
+        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.05", url=standing.url)
         where = "the world is paused, in synchronous mode with the master 'planner'"
         assert done.complaint.endswith(f": {where}; {RESUME}")
 
 
+@pytest.mark.usefixtures("patient_answers")
 async def test_waiting_tool_tells_a_pause_from_a_wait_for_ticks(standing: Simulator) -> None:
     async with Simulator(port=0) as free, await Client.open(free.url) as client:
-        done = await in_the_background("topic", "echo", "/InsnStatus", "--timeout", "0.5", url=free.url)
-        assert done.complaint == "no message on /InsnStatus within 0.5 s; --timeout waits longer", "it runs"
+        done = await in_the_background("topic", "echo", "/InsnStatus", "--timeout", "0.05", url=free.url)
+        assert done.complaint == "no message on /InsnStatus within 0.05 s; --timeout waits longer", "it runs"
         await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
-        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.5", url=free.url)
-        assert done.complaint == f"no message on /clock within 0.5 s: the world is paused; {RESUME}"
+        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.05", url=free.url)
+        assert done.complaint == f"no message on /clock within 0.05 s: the world is paused; {RESUME}"
         words = RESUME.removeprefix("rosbridge-sim ").removesuffix(" resumes it")
         await in_the_background(*shlex.split(words), url=free.url)
-        done = await in_the_background("topic", "echo", "/clock", "--once", "--timeout", "1", url=free.url)
+        done = await in_the_background("topic", "echo", "/clock", "--once", "--timeout", str(PATIENCE), url=free.url)
         assert done.code == 0, "what is said to do is what helps"
     async with await Client.open(standing.url) as client:
         await client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
-        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.5", url=standing.url)
+        done = await in_the_background("topic", "echo", "/clock", "--timeout", "0.05", url=standing.url)
         assert done.complaint.endswith(f": the world is paused, in synchronous mode with no master; {RESUME}")
 
 
+@pytest.mark.usefixtures("patient_answers")
 @pytest.mark.parametrize(
     ("mode", "status", "text"),
     [(16, 16, ": a replay is paused; "), (16, 32, ": the world is paused at the end of a replay; "), (1, 1, "; --")],
@@ -94,46 +98,53 @@ async def test_waiting_tool_reports_a_paused_replay(mode: int, status: int, text
         yield from answering(publishers={"publishers": ["/a"]}, topic_type={"type": "a/B"})(frame)
 
     # The wait for a message is over; the answers about its cause may take their time.
-    async with other_server(reply) as url, open_bridge(url, None, 5.0) as bridge:
+    async with other_server(reply) as url, open_bridge(url, None, PATIENCE) as bridge:
         error = await why_silent(bridge, "/x", 0.05)
     assert str(error).startswith(f"no message on /x within 0.05 s{text}")
 
 
+@pytest.mark.usefixtures("patient_answers")
 async def test_waiting_tool_reports_a_topic_without_a_publisher(standing: Simulator) -> None:
-    words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.5")
+    words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.05")
     done = await in_the_background(*words, url=standing.url)
-    assert (done.code, done.complaint) == (1, "no message on /x within 0.5 s: it has no publisher")
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.05 s: it has no publisher")
 
 
+@pytest.mark.usefixtures("patient_answers")
 async def test_recording_without_messages_times_out_and_is_complete(standing: Simulator, tmp_path: Path) -> None:
-    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Ego*", "--timeout", "0.5")
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Ego*", "--timeout", "0.05")
     done = await in_the_background(*words, url=standing.url)
     assert done.code == 1
-    assert "no message to record within 0.5 s: the world stands until a master ticks" in done.err
+    assert "no message to record within 0.05 s: the world stands until a master ticks" in done.err
     assert (tmp_path / "a.mcap").read_bytes().endswith(b"\x89MCAP0\r\n")
 
 
+@pytest.mark.usefixtures("patient_answers")
 async def test_recording_of_missing_topics_names_them(standing: Simulator, tmp_path: Path) -> None:
-    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.5")
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.05")
     done = await in_the_background(*words, url=standing.url)
-    assert (done.code, done.err.count("within 0.5 s: none of the wanted topics is there")) == (1, 1)
+    assert (done.code, done.err.count("within 0.05 s: none of the wanted topics is there")) == (1, 1)
 
 
 async def test_tool_that_receives_messages_does_not_time_out() -> None:
     async with Simulator(port=0) as sim:
-        done = await in_the_background("topic", "echo", "/Ego_topic", "-n", "3", "--timeout", "1", url=sim.url)
+        done = await in_the_background(
+            "topic", "echo", "/Ego_topic", "-n", "3", "--timeout", str(PATIENCE), url=sim.url
+        )
         assert (done.code, done.err, done.out.count("---")) == (0, "", 3)
-        done = await in_the_background("topic", "hz", "/clock", "-n", "3", "--timeout", "1", url=sim.url)
+        done = await in_the_background("topic", "hz", "/clock", "-n", "3", "--timeout", str(PATIENCE), url=sim.url)
         assert (done.code, done.err) == (0, "")
 
 
+@pytest.mark.usefixtures("patient_handshakes")
 async def test_waiting_tool_asks_a_server_without_rosapi_for_no_reason() -> None:
     async with other_server(lambda _frame: ()) as url:
-        words = ("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.5")  # the connection needs a part of it
+        words = ("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.05")
         done = await in_the_background(*words, url=url)
-    assert (done.code, done.complaint) == (1, "no message on /x within 0.5 s; --timeout waits longer")
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.05 s; --timeout waits longer")
 
 
+@pytest.mark.usefixtures("patient_handshakes")
 async def test_hz_ends_with_an_error_when_its_topic_falls_silent() -> None:
     def reply(frame: Frame) -> Iterable[str | bytes]:
         if frame["op"] == "subscribe" and frame["topic"] == "/x":
@@ -141,8 +152,8 @@ async def test_hz_ends_with_an_error_when_its_topic_falls_silent() -> None:
         yield from answering(publishers={"publishers": ["/a"]}, topic_type={"type": ""})(frame)
 
     async with other_server(reply) as url:
-        done = await in_the_background("topic", "hz", "/x", "--type", "a/B", "--timeout", "0.2", url=url)
-    assert (done.code, done.complaint) == (1, "no message on /x within 0.2 s; --timeout waits longer")
+        done = await in_the_background("topic", "hz", "/x", "--type", "a/B", "--timeout", "0.05", url=url)
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.05 s; --timeout waits longer")
 
 
 # tick

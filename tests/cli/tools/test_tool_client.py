@@ -30,9 +30,6 @@ NAMES = {"topics": ["/b", "/a"], "types": ["p/B", "p/A"]}
 SHORT = "0.05"
 """A patience for those who never answer [s]."""
 
-LONGER = "0.5"
-"""One in which a busy machine shakes hands, too."""
-
 
 # No rosbridge
 
@@ -83,13 +80,13 @@ async def test_server_without_a_handshake_gives_an_error_in_time() -> None:
     assert done.complaint == f"{url}: no answer within {SHORT} s; not a rosbridge, or one that is stuck"
 
 
-@pytest.mark.slow
+@pytest.mark.usefixtures("patient_handshakes")
 @pytest.mark.parametrize("words", [("topic", "list"), ("topic", "info", "/a"), ("service", "list", "-v")])
 async def test_silent_websocket_gives_an_error_in_time(words: tuple[str, ...]) -> None:
     async with other_server(lambda _: ()) as url:
-        done = await in_the_background(*words, "--timeout", LONGER, url=url)
+        done = await in_the_background(*words, "--timeout", SHORT, url=url)
     assert (done.code, done.out) == (2, "")
-    assert done.complaint == f"{url}: no answer within {LONGER} s; is rosapi running there?"
+    assert done.complaint == f"{url}: no answer within {SHORT} s; is rosapi running there?"
 
 
 @pytest.mark.parametrize(
@@ -254,7 +251,8 @@ async def test_echo_reports_a_silent_server_and_goes_on_waiting(capsys: pytest.C
                 await connection.send('{"op": "publish", "topic": "/chatter", "msg": {"data": 1}}')
 
     silence = asyncio.Event()
-    async with talking_server(handle) as url, open_bridge(url, None, float(SHORT)) as bridge:
+    async with talking_server(handle) as url, open_bridge(url, None, PATIENCE) as bridge:
+        bridge.patience = float(SHORT)
         loop = asyncio.get_running_loop()
         tool = asyncio.create_task(echo(bridge, "/chatter", None, 1, patience=None, form=Echo()))
         await asked.wait()
@@ -265,6 +263,7 @@ async def test_echo_reports_a_silent_server_and_goes_on_waiting(capsys: pytest.C
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("patient_handshakes")
 async def test_publish_to_a_silent_server_reports_that_it_is_silent() -> None:
     heard: list[Frame] = []
 
