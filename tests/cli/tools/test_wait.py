@@ -7,13 +7,14 @@ import asyncio
 import pytest
 
 from rosbridge_sim import Simulator
+from rosbridge_sim.cli.tools import wait
 from tests.cli.tool_fixture import in_the_background, raw_server
 from tests.support import PATIENCE
 
 
 async def test_wait_ends_at_once_if_the_server_is_ready() -> None:
     async with Simulator(port=0, world=False) as sim:
-        done = await in_the_background("wait", "--timeout", "1", url=sim.url)
+        done = await in_the_background("wait", "--timeout", "1000", url=sim.url)
     assert (done.code, done.out, done.err) == (0, "", "")
 
 
@@ -25,7 +26,9 @@ async def test_wait_ends_when_the_server_becomes_ready() -> None:
         assert (await waiting).code == 0
 
 
-async def test_wait_without_a_server_gives_exit_code_1_and_the_reason() -> None:
+async def test_wait_without_a_server_gives_exit_code_1_and_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("ATTEMPT", "PAUSE"):  # there is one attempt, which gets the time that it needs
+        monkeypatch.setattr(wait, name, PATIENCE)
     done = await in_the_background("wait", "--timeout", "0.05", url="ws://127.0.0.1:1")
     why = "ws://127.0.0.1:1: nothing listens there; is the server running?"
     assert (done.code, done.complaint) == (1, f"not ready within 0.05 s: {why}")
