@@ -145,6 +145,7 @@ def publishing(frame: Frame) -> Iterable[str]:
         yield from [json.dumps({"op": "status", "level": "error", "msg": f"no \x1b{i}"}) for i in (1, 1, 2)]
 
 
+@pytest.mark.usefixtures("patient_handshakes")
 async def test_server_without_rosapi_is_judged_by_its_messages(file: str) -> None:
     write(file, "topics: {/a: {type: std_msgs/Int32, fields: {data: {min: 7, max: 7}}}}\nservices: {/s: ''}")
     async with other_server(publishing) as url:

@@ -195,6 +195,7 @@ async def test_what_a_mock_cannot_do_is_left_out_and_told(file: str) -> None:
     assert "$file" not in text_of(file)
 
 
+@pytest.mark.usefixtures("patient_handshakes")
 async def test_system_without_rosapi_is_refused(file: str) -> None:
     async with other_server(lambda _frame: []) as url:
         done = await mock("capture", url, "-o", file, "--timeout", "0.1")

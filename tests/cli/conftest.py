@@ -1,4 +1,4 @@
-"""Fixtures of the tools' tests: connections that get more time than the flag `--timeout` gives.
+"""Fixtures of the command line: connections that get more time than the flag `--timeout` gives.
 
 That flag is the longest wait for a handshake, for an answer and for a message alike. A test in which one of them never
 comes gives it little time, in which a busy machine may not even shake hands.
