@@ -29,6 +29,10 @@ services:
 """
 
 
+SWITCH_ON = '{"op":"call_service","service":"/mock/set_fault","args":{"name":"f","active":true}}'
+"""Its times count from then, and not from the start of a server that a client may find late."""
+
+
 @asynccontextmanager
 async def mock_of(folder: Path, text: str = ROBOT, /, **options: object) -> AsyncIterator[Simulator]:
     path = folder / "robot.yaml"
@@ -106,8 +110,11 @@ async def test_changed_message_is_lost_for_an_encoding_that_cannot_hold_it(
 
 
 async def test_connections_are_closed_with_the_code(tmp_path: Path, subscribe: Subscribe) -> None:
-    async with mock_of(tmp_path, ROBOT + "\nfaults: {f: {kind: close, code: 4001, text: bye, start: 0.6}}") as sim:
-        socket = await subscribe(sim.url)
+    fault = "{kind: close, code: 4001, text: bye, start: 0.1, on: false}"
+    async with mock_of(tmp_path, f"{ROBOT}\nfaults: {{f: {fault}}}") as sim:
+        socket, switch = await subscribe(sim.url), await subscribe(sim.url)
+        await receive(socket, 1)
+        await switch.send(SWITCH_ON)
         with pytest.raises(ConnectionClosed) as closed:
             await receive(socket, 1000)
         assert closed.value.rcvd is not None
@@ -117,20 +124,20 @@ async def test_connections_are_closed_with_the_code(tmp_path: Path, subscribe: S
 
 async def test_connection_is_cut_without_a_close_frame(tmp_path: Path, subscribe: Subscribe) -> None:
     async with mock_of(tmp_path, ROBOT + "\nfaults: {f: {kind: close, code: 1006, every: 0.1}}") as sim:
-        socket = await subscribe(sim.url)
-        with pytest.raises(ConnectionClosed) as closed:
-            await receive(socket, 1000)
+        with pytest.raises(ConnectionClosed) as closed:  # it may be cut before it subscribes
+            await receive(await subscribe(sim.url), 1000)
         assert closed.value.rcvd is None
 
 
 async def test_services_fail_and_answer_late(tmp_path: Path) -> None:
-    text = (
-        ROBOT + "\nfaults: {f: {kind: fail, services: [/plain], text: broken, end: 0.3}, s: {kind: slow, seconds: 0.2}}"
-    )
+    fail = "{kind: fail, services: [/plain], text: broken, end: 0.3, on: false}"
+    text = f"{ROBOT}\nfaults: {{f: {fail}, s: {{kind: slow, seconds: 0.2}}}}"
     async with mock_of(tmp_path, text) as sim, AsyncClient(sim.url) as client:
-        began = asyncio.get_running_loop().time()
+        switched = await client.begin_call("/mock/set_fault", {"name": "f", "active": True})
         with pytest.raises(ServiceRefusedError, match="broken"):
-            await client.call("/plain")
+            await client.call("/plain")  # in one write with the switch, so its time is not over
+        assert switched.done()
+        began = asyncio.get_running_loop().time()
         await asyncio.sleep(max(0.0, began + 0.31 - asyncio.get_running_loop().time()))
         began = asyncio.get_running_loop().time()
         assert (await client.call("/plain"))["success"] is True
