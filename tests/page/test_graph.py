@@ -34,6 +34,13 @@ MAX_LINES = 200
 """Lines that the log shows at most, see `SHOWN_LINES` of log.js."""
 
 
+LASTING = """
+const later = window.setTimeout;
+window.setTimeout = (act, ms = 0, ...rest) => (ms >= 5000 ? 0 : later(act, ms, ...rest));
+"""
+"""A page that takes nothing away after some seconds, and waits longer for answers: a busy machine needs the time."""
+
+
 async def open_graph(open_page: OpenPage, server: ServerProcess, **options: Any) -> Page:  # noqa: ANN401 - of open_page
     page = await open_page(server, **options)
     await page.get_by_role("tab", name="Graph").click()
@@ -303,6 +310,7 @@ async def test_button_comes_with_the_form_that_it_sends(serve: Serve, open_page:
             frame["op"] = "later"  # which the page ignores
 
     route = await spoil_frames(page, server, hold_back)
+    await page.add_init_script(LASTING)
     await page.goto(page_url(server))
     await page.get_by_role("tab", name="Graph").click()
     topic = await choose_topic(page, "/clock")
@@ -445,13 +453,6 @@ async def test_graph_and_log_have_no_serious_fault_of_accessibility(
     for tab in ("Clients", "Log"):
         await page.get_by_role("tab", name=tab).click()
         assert await faults_of(page) == []
-
-
-LASTING = """
-const later = window.setTimeout;
-window.setTimeout = (act, ms = 0, ...rest) => (ms > 5000 ? 0 : later(act, ms, ...rest));
-"""
-"""A page that takes nothing away after some seconds: a busy machine may need more of them to look."""
 
 
 async def test_mistake_of_another_client_is_told_once_over_the_map_and_counted_at_the_log(
