@@ -155,7 +155,7 @@ async def test_no_result_is_delivered_after_the_end() -> None:
     desk.read(gates[-1])
     for gate in gates:
         gate.may_end.set()
-    for thread in [thread for thread in threading.enumerate() if thread.name == "reading"]:
+    for thread in list(desk.reader._threads):
         await asyncio.to_thread(thread.join, PATIENCE)
     await asyncio.sleep(0)
     assert desk.got == []
@@ -172,7 +172,7 @@ async def test_stop_interrupts_reads_without_waiting() -> None:
 
     desk.read(work)
     assert await asyncio.to_thread(has_begun.wait, PATIENCE)
-    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    (thread,) = desk.reader._threads
     desk.reader.stop()
     desk.reader.stop()
     await asyncio.to_thread(thread.join, PATIENCE)
@@ -198,7 +198,7 @@ async def test_interrupt_within_a_callback_is_not_printed_and_comes_again() -> N
 
     desk.read(work)
     assert await asyncio.to_thread(has_begun.wait, PATIENCE)
-    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    (thread,) = desk.reader._threads
     desk.reader.stop()
     assert await asyncio.to_thread(is_behind.wait, PATIENCE)
     for _ in range(20):  # it has half a second each time
@@ -218,7 +218,7 @@ async def test_stop_leaves_no_half_imported_library(tmp_path: Path, monkeypatch:
 
     desk.read(work)
     assert await asyncio.to_thread(gate.has_begun.wait, PATIENCE)
-    (thread,) = [thread for thread in threading.enumerate() if thread.name == "reading"]
+    (thread,) = desk.reader._threads
     desk.reader.stop()
     gate.may_end.set()
     await asyncio.to_thread(thread.join, PATIENCE)
