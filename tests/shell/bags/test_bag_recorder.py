@@ -216,8 +216,9 @@ async def test_full_disk_ends_only_the_recording(
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     async with Simulator(port=0, start="sync", record=tmp_path / "a.bag") as sim:
         client = await connect(sim.url)
-        await drive(client, 2)
         assert sim._recorder is not None
+        sim._recorder._timer.cancel()  # else it may have written all before the disk is full
+        await drive(client, 2)
         resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, old[1]))
         try:
             sim._recorder._tick()
