@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta, field
 
 from rosbridge_sim.documents.document_model import DocumentType, Table, about
-from rosbridge_sim.documents.document_reading import document_schema, read_values
+from rosbridge_sim.documents.document_reading import read_values
 from rosbridge_sim.loose_types import JsonValue
 
 MAX_RUNS: Final = 100_000
@@ -278,7 +278,7 @@ class CampaignDocument(Table, frozen=True, kw_only=True):
     output: Annotated[OutputItem, about("what is kept")] = OutputItem()
 
 
-_DOCUMENT: Final = DocumentType[CampaignDocument](CampaignDocument)
+CAMPAIGN: Final = DocumentType[CampaignDocument](CampaignDocument)
 
 
 def read_campaign_document(document: Mapping[str, Any], source: str) -> CampaignDocument:
@@ -291,9 +291,4 @@ def read_campaign_document(document: Mapping[str, Any], source: str) -> Campaign
     Raises:
         DocumentError: one line with the place, what was expected, and what came.
     """
-    return read_values(_DOCUMENT, document, source)
-
-
-def campaign_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of campaign files."""
-    return document_schema(_DOCUMENT)
+    return read_values(CAMPAIGN, document, source)

@@ -7,7 +7,6 @@ tenth of the time and a seventh of the memory of a server's start.
 
 from __future__ import annotations
 
-import inspect
 import json
 import math
 from collections.abc import Callable, Collection
@@ -20,7 +19,6 @@ import msgspec
 
 from rosbridge_sim.documents.document_model import (
     SCALARS,
-    SPELLED,
     Document,
     DocumentType,
     Mistake,
@@ -318,36 +316,3 @@ def _model_reader(kind: type[Document]) -> _Reader:
         return kind(**{name: readers[key](value[key]) for key, name in fields if key in value})
 
     return read
-
-
-# Schemas
-
-
-def document_schema(kind: DocumentType[Any]) -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a document."""
-    (top,), parts = msgspec.json.schema_components([kind.form], ref_template="#/$defs/{name}")
-    whole: dict[str, Any] = _plain(parts.pop(top["$ref"].rpartition("/")[2]))
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **whole, "$defs": _plain(parts)}
-
-
-_NUMBER_TEXT: Final = r"^\s*[+-]?\d*(,\d{3})*\.?\d*([eE][+-]?\d{1,3})?\s*$"
-"""Pattern of texts that may be numbers, for schemas."""
-
-
-def _plain(schema: JsonValue) -> JsonValue:
-    """Return a schema without null as a default, with one `type` for "this or null", and with texts for numbers."""
-    if isinstance(schema, list):
-        return [_plain(item) for item in schema]
-    if not isinstance(schema, dict):
-        return inspect.cleandoc(schema) if isinstance(schema, str) else schema
-    plain = {key: _plain(value) for key, value in schema.items() if not (key == "default" and value is None)}
-    if plain.pop(SPELLED, False):
-        plain |= {"type": [plain["type"], "string"], "pattern": _NUMBER_TEXT}
-    if "enum" in plain:
-        plain["type"] = "string"
-    match plain.get("anyOf"):
-        case [{"type": str() | list() as kind, **rest}, {"type": "null"}] if "enum" not in rest:
-            del plain["anyOf"]
-            kinds = [kind] if isinstance(kind, str) else kind
-            return {"type": [*kinds, "null"], **rest, **plain}
-    return plain

@@ -6,12 +6,12 @@ The file is JSON: for each junction its phases in turn, each with the lights tha
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from msgspec import Meta
 
 from rosbridge_sim.documents.document_model import Document, DocumentType, number_within, text_within
-from rosbridge_sim.documents.document_reading import document_schema, read_document
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import replace
@@ -39,12 +39,7 @@ class _PlanFile(Document, frozen=True, kw_only=True):
     junctions: Annotated[dict[Name, _JunctionOfFile], Meta(max_length=10_000)]
 
 
-_PLAN: Final = DocumentType[_PlanFile](_PlanFile)
-
-
-def plan_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of these files."""
-    return {**document_schema(_PLAN), "title": "Signal plan"}
+PLAN_FILE: Final = DocumentType[_PlanFile](_PlanFile)
 
 
 def set_signal_plan(road_map: RoadMap, content: bytes, source: str) -> RoadMap:
@@ -56,7 +51,7 @@ def set_signal_plan(road_map: RoadMap, content: bytes, source: str) -> RoadMap:
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
-    document = read_document(_PLAN, content, source, MAX_PLAN_BYTES)
+    document = read_document(PLAN_FILE, content, source, MAX_PLAN_BYTES)
     plan = road_map.plan
     rows = {one.name: row for row, one in enumerate(plan.controllers)}
     controllers = list(plan.controllers)

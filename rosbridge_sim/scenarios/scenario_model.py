@@ -36,7 +36,7 @@ from rosbridge_sim.documents.document_model import (
     sort_keys,
     text_within,
 )
-from rosbridge_sim.documents.document_reading import document_schema, find_mistakes, read_document
+from rosbridge_sim.documents.document_reading import find_mistakes, read_document
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.scenarios.event_model import ItemBlock, ScenarioBlock, VehicleBlock
 from rosbridge_sim.suggestions import hint
@@ -323,7 +323,7 @@ class ScenarioDocument(Document, frozen=True, kw_only=True):
     shadedAreaList: WithoutEffect = None
 
 
-_DOCUMENT: Final = DocumentType[ScenarioDocument](ScenarioDocument)
+SCENARIO: Final = DocumentType[ScenarioDocument](ScenarioDocument)
 
 
 def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
@@ -336,7 +336,7 @@ def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
     Raises:
         DocumentError: one line: place, expected value, actual value.
     """
-    return read_document(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+    return read_document(SCENARIO, text, source, MAX_SCENARIO_BYTES)
 
 
 def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
@@ -349,7 +349,7 @@ def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
     Returns:
         The mistakes, in the document's order.
     """
-    return find_mistakes(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+    return find_mistakes(SCENARIO, text, source, MAX_SCENARIO_BYTES)
 
 
 def why_without_effect(path: Sequence[str | int]) -> str:
@@ -366,11 +366,6 @@ def why_without_effect(path: Sequence[str | int]) -> str:
         known = keys_beside(ScenarioDocument, place)
         return f"expected one of {', '.join(known)}{hint(place.rpartition('.')[2], known)}"
     return "this key has no effect yet" if keys.idle else ""
-
-
-def scenario_schema() -> dict[str, Any]:
-    """Return the documented subset as a JSON Schema (draft 2020-12)."""
-    return {**document_schema(_DOCUMENT), "title": "Scenario"}
 
 
 def start_distance(item: NpcVehicle | Pedestrian | Obstacle) -> float:

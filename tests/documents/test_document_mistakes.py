@@ -87,13 +87,13 @@ def documents() -> list[tuple[DocumentType[Any], Any]]:
     network = {"egoNetworkData": [{"UNIQUEID": "1", "listEgoNetworkInfo": [{"PUBSUB_TYPE": 2, "config": {}}]}]}
     row = {"DataID": "1 2", "name": "Sonata", "class": "car", "length": "4.9", "width": 1.8, "height": 1.4, "mass": 9}
     return [
-        (campaign_model._DOCUMENT, campaign),
+        (campaign_model.CAMPAIGN, campaign),
         (CONTRACT, contract),
         (catalogue_file._ROW, row),
         (mock_model.MOCK, mock),
         (morai_network._FILE, network),
-        (signal_plan_file._PLAN, plan),
-        *((scenario_model._DOCUMENT, scene) for scene in scenes),
+        (signal_plan_file.PLAN_FILE, plan),
+        *((scenario_model.SCENARIO, scene) for scene in scenes),
         document(mgeo._GLOBAL_INFO, "global_info.json"),
         document(mgeo_links._NODES, "node_set.json"),
         document(mgeo_links._LINKS, "link_set.json"),
@@ -106,8 +106,8 @@ def documents() -> list[tuple[DocumentType[Any], Any]]:
         document(mgeo_lights._STRIPES, "singlecrosswalk_set.json"),
         (mgeo_markings._MARKINGS, [mark]),
         (mgeo_markings._SIGNS, [sign]),
-        (sensor_presets._DOCUMENT, {"gps": {"z": 1}, "imu": None, **rig}),
-        (sensor_noise._DOCUMENT, {"gps": {"horizontal": {"white": "0.1"}}, "lidar": {"lost": 0.5}}),
+        (sensor_presets.SENSOR_FILE, {"gps": {"z": 1}, "imu": None, **rig}),
+        (sensor_noise.NOISE, {"gps": {"horizontal": {"white": "0.1"}}, "lidar": {"lost": 0.5}}),
         (morai_sensor_file._DOCUMENT, saved),
     ]
 

@@ -20,7 +20,7 @@ from tests.support import ROOT
 DEMO: Any = json.loads((ROOT / "rosbridge_sim" / "data" / "scenarios" / "demo.json").read_text())
 RIG: Any = {"camera": [{"distortion": [0, 0, "0.1", 0, 0]}], "lidar3d": [{"model": "own", "elevations": [1, "2.5"]}]}
 ODD: list[Any] = [None, True, 2.5, 1e13, 2**70, "", "7", "1,2", "x" * 1001, [], [1], [None] * 3, {}, {"x": 1}]
-KINDS: list[tuple[DocumentType[Any], Any]] = [(scenario_model._DOCUMENT, DEMO), (sensor_presets._DOCUMENT, RIG)]
+KINDS: list[tuple[DocumentType[Any], Any]] = [(scenario_model.SCENARIO, DEMO), (sensor_presets.SENSOR_FILE, RIG)]
 
 
 class Inner(Table, frozen=True, kw_only=True):

@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Meta
 
 from rosbridge_sim.documents.document_model import DocumentType, Table
-from rosbridge_sim.documents.document_reading import document_schema, learn_mistakes, parse_json, read_values
+from rosbridge_sim.documents.document_reading import learn_mistakes, parse_json, read_values
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.camera_sensor import CameraSpec
 from rosbridge_sim.simulator.sensors.fisheye_camera import FisheyeSpec
@@ -79,7 +79,7 @@ SensorList: Final[Any] = msgspec.defstruct(
     kw_only=True,
 )
 
-_DOCUMENT: Final = DocumentType[Any](SensorList)
+SENSOR_FILE: Final = DocumentType[Any](SensorList)
 
 
 def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False) -> Rig:
@@ -94,7 +94,7 @@ def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False
             together.
         MistakeNotReadyError: see `is_quick`.
     """
-    sensors = read_values(_DOCUMENT, document, source, is_quick=is_quick)
+    sensors = read_values(SENSOR_FILE, document, source, is_quick=is_quick)
     rig: list[SensorSpec] = []
     for kind in KINDS:
         found = getattr(sensors, kind.kind)
@@ -134,7 +134,7 @@ def read_rig_text(text: str, where: str, *, is_quick: bool = False) -> Rig:
 
 def learn_rig_mistakes() -> None:
     """Make what words the mistakes of these files; see `learn_mistakes`."""
-    learn_mistakes(_DOCUMENT)
+    learn_mistakes(SENSOR_FILE)
 
 
 def parse_object(text: str, where: str) -> dict[str, Any]:
@@ -154,8 +154,3 @@ def parse_object(text: str, where: str) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}")
     return values
-
-
-def rig_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of these files."""
-    return document_schema(_DOCUMENT)

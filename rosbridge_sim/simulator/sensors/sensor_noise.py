@@ -22,12 +22,12 @@ from __future__ import annotations
 
 import math
 from hashlib import blake2b
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from rosbridge_sim.documents.document_model import DocumentType, Ratio, Table, number_within
-from rosbridge_sim.documents.document_reading import document_schema, read_document
+from rosbridge_sim.documents.document_reading import read_document
 from rosbridge_sim.world.geometry.planar import Vector, chain, quaternion
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.vehicle.sensor_readings import Inertia
@@ -215,7 +215,7 @@ TYPICAL: Final = SensorNoise(
 )
 """See the head of this file. Drop-outs are our estimate for a town."""
 
-_DOCUMENT: Final = DocumentType[SensorNoise](SensorNoise)
+NOISE: Final = DocumentType[SensorNoise](SensorNoise)
 
 
 def read_noise(text: bytes, source: str) -> SensorNoise:
@@ -228,12 +228,7 @@ def read_noise(text: bytes, source: str) -> SensorNoise:
     Raises:
         DocumentError: it is no such document; the text has the place and the mistake.
     """
-    return read_document(_DOCUMENT, text, source, MAX_NOISE_BYTES)
-
-
-def noise_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of these documents."""
-    return document_schema(_DOCUMENT)
+    return read_document(NOISE, text, source, MAX_NOISE_BYTES)
 
 
 class NoiseSource:

@@ -15,7 +15,7 @@ WRONG = {"add": '{"camera": [{"fov": 180}]}'}
 
 
 def test_first_mistake_is_worded_in_a_thread_of_the_reader(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sensor_presets._DOCUMENT, "knows_mistakes", False)
+    monkeypatch.setattr(sensor_presets.SENSOR_FILE, "knows_mistakes", False)
     reader = ManualReader()
     harness = SimHarness(reader=reader, worker=AtOnceWorker())
     client = harness.client()
