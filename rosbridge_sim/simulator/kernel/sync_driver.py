@@ -171,7 +171,7 @@ class SyncDriver:
 
     def _tick_for_barrier(self, now: float) -> None:
         """Move the world by one time step for all members."""
-        sync, barrier, world = self._sync, self._barrier, self._world
+        sync, barrier = self._sync, self._barrier
 
         def end(result: TickResult) -> None:
             if result.is_accepted:
@@ -179,20 +179,10 @@ class SyncDriver:
             else:
                 barrier.not_moved(result.why, self._ended_at)
 
-        named, call = world.frame + sync.num_frames, WaitingCall(OneTick(end), sync.num_frames)
-        self._barrier_call = call
+        call = self._barrier_call = WaitingCall(OneTick(end), sync.num_frames)
         wait = partial(self.calls.append, call)
         try:
-            outcome = sync.tick(
-                BARRIER_ID,
-                named,
-                world.frame,
-                barrier,
-                now,
-                on_wait=wait,
-                is_in_turns=True,
-                is_held=not self._parts.gate.is_open,
-            )
+            outcome = self._tick(BARRIER_ID, self._world.frame + sync.num_frames, barrier, wait, now)
         except GraphError as error:  # the world has failed; it is told elsewhere
             barrier.not_moved(str(error), now)
             return
@@ -228,16 +218,7 @@ class SyncDriver:
         def wait() -> None:
             self.calls.append(WaitingCall(OneTick(on_end), sync.num_frames))
 
-        outcome = sync.tick(
-            user_id,
-            named,
-            self._world.frame,
-            caller,
-            now,
-            on_wait=wait,
-            is_in_turns=True,
-            is_held=not self._parts.gate.is_open,
-        )
+        outcome = self._tick(user_id, named, caller, wait, now)
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
             return
@@ -252,6 +233,11 @@ class SyncDriver:
             self._answer(call, TickResult(is_accepted=True, is_paused=is_paused), now)
         if not call.is_over:
             call.release = self.hold(caller)
+
+    def _tick(self, user_id: str, named: int, holder: object, wait: Callable[[], object], now: float) -> SyncOutcome:
+        """Ask for a tick; `wait` is called if it cannot be carried out at once."""
+        frame, is_held = self._world.frame, not self._parts.gate.is_open
+        return self._sync.tick(user_id, named, frame, holder, now, on_wait=wait, is_in_turns=True, is_held=is_held)
 
     def _begin(self, call: WaitingCall, now: float) -> None:
         """Let a tick that has come have its first turn at once, unless others wait before it."""
