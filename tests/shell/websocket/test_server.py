@@ -28,7 +28,7 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.kernels.backend import backend
 from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COST
-from rosbridge_sim.shell.websocket import turns
+from rosbridge_sim.shell.websocket import connected_client, server, turns
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.connected_client import Client as Served
 from rosbridge_sim.shell.websocket.freed_memory import LARGE_FRAME
@@ -303,7 +303,11 @@ async def ask_and_never_read(port: Port) -> ClientConnection:
 UNREAD = ServerLimits(outbox=OutboxLimits(burst=10, topic_bytes=2**16, hard_bytes=2**20), ping_interval=None)
 
 
-async def test_client_with_too_many_unread_answers_is_disconnected_with_a_reason(listen: Listen) -> None:
+async def test_client_with_too_many_unread_answers_is_disconnected_with_a_reason(
+    listen: Listen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (connected_client, server):  # the reason comes behind megabytes, which take a busy machine its time
+        monkeypatch.setattr(module, "CLOSE_TIMEOUT", PATIENCE)
     port = await listen(UNREAD)
     lazy = await ask_and_never_read(port)
     async with await Client.open(port.url) as good:
