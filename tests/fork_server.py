@@ -171,9 +171,10 @@ class ForkedProgram:
         return code
 
     def send_signal(self, number: int) -> None:
-        """Send it a signal, unless its end was noticed."""
+        """Send it a signal, unless it has ended: its end may be noticed here later than the system forgets it."""
         if self.poll() is None:
-            os.kill(self.pid, number)
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
 
     def kill(self) -> None:
         """End it at once."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,17 @@ def test_killed_program_has_the_number_of_its_signal(tmp_path: Path) -> None:
         assert other.poll() is None
         other.send_signal(signal.SIGINT)
         assert other.wait(PATIENCE) == 0
+
+
+def test_program_that_is_gone_before_its_end_is_noticed_takes_a_signal() -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+        gone.wait(PATIENCE)
+    status, far_status = os.pipe()  # nothing is written to it
+    program = fork_server.ForkedProgram(gone.pid, status, None, None, None)
+    program.kill()
+    assert program.poll() is None
+    os.close(far_status)
+    os.close(status)
 
 
 def test_server_forked_of_another_ends_alone_and_with_it_what_it_started(tmp_path: Path) -> None:
