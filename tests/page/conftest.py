@@ -140,7 +140,7 @@ def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
         found = None
         until = time.monotonic() + PATIENCE
         while found is None and process.poll() is None and time.monotonic() < until:
-            found = re.search(r"DevTools listening on (ws://\S+)", log.read_text(errors="replace"))
+            found = re.search(r"DevTools listening on (ws://\S+)\n", log.read_text(errors="replace"))
             time.sleep(0.02)
         if found is None:
             os.killpg(process.pid, signal.SIGKILL)  # or the next test would find it in its profile
