@@ -5,13 +5,12 @@
 start_beside() {
     logs=$(mktemp -d)
     (
-        child=
-        trap 'kill $child 2>/dev/null; wait; exit' TERM
+        # By the list of jobs: the signal may come before a variable has the number of one that has just begun.
+        trap 'kill $(jobs -p) 2>/dev/null || true; wait; exit' TERM
         for command; do
             log=$logs/${command//[^a-zA-Z0-9.]/_}
             $command >"$log" 2>&1 &
-            child=$!
-            if wait "$child"; then
+            if wait $!; then
                 printf '== passed: %s\n%s\n' "$command" "$(<"$log")"
             else
                 printf '== failed: %s\n' "$command"
