@@ -19,18 +19,22 @@ from tests.support import ROOT
 pytestmark = pytest.mark.slow
 
 CONFTEST = """
+    import os
     from tests.forked_workers import ForkedWorkers
 
     def pytest_configure(config):
         config.pluginmanager.register(ForkedWorkers(2, 2))
+        config.begun = os.pipe()
 """
+"""The pipe is that of all forks: by it the first file waits for the second, so that each of them has a fork."""
 
 TESTS = {
     "first": """
         import os, signal, warnings, pytest
 
         @pytest.fixture(scope="session", autouse=True)
-        def whole_session():
+        def whole_session(pytestconfig):
+            os.read(pytestconfig.begun[0], 1)
             yield
             raise RuntimeError("at the end of all")
 
@@ -51,7 +55,8 @@ TESTS = {
     "second": """
         import os, signal, pytest
 
-        def test_is_skipped():
+        def test_is_skipped(pytestconfig):
+            os.write(pytestconfig.begun[1], b"x")
             pytest.skip("for a reason")
 
         def test_dies():
