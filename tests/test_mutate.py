@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import subprocess
 import sys
 from types import SimpleNamespace
 from typing import Any, cast
@@ -13,6 +12,7 @@ import pytest
 from scripts.mutate import FEW, TESTS, are_enough, files_of, known_survivors
 from scripts.mutation.mutants import mutants_of, mutate
 from scripts.mutation.warm_tests import PACKAGE, ROOT, Target, _SharedFixtures
+from tests.cpu_time import run
 
 SOURCE = """
 WIDTH: float = 2.5
@@ -144,7 +144,8 @@ def _constant_lines(source: str) -> set[int]:
 def test_a_fault_that_a_test_notices_is_counted_and_one_that_it_does_not_is_printed() -> None:
     command = [sys.executable, str(ROOT / "scripts" / "mutate.py"), "graph/guard.py", "--killers"]
     command += ["--tests", "graph/test_guard.py", "--num", "20"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    done = run(command)
+    assert done.returncode == 0, done.stderr
     noticed = [line for line in done.stdout.splitlines() if line.startswith("noticed by tests/graph/test_guard.py::")]
     survivors = [line for line in done.stdout.splitlines() if "  (reached by" in line]
     assert any("self.num_faults += 1  ->  self.num_faults -= 1" in line for line in noticed)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.cpu_time import run
 from tests.support import ROOT, miss
 from tests.test_doc_examples import example, shown
 
 PYTHON = ROOT / ".venv" / "torch" / "bin" / "python"
-SECONDS = 300.0
 
 pytestmark = pytest.mark.long
 
@@ -22,7 +21,7 @@ def run_with_torch(*words: str | Path) -> str:
     if not PYTHON.exists():
         miss("needs torch in .venv/torch (./scripts/test --long installs it as root on Debian)")
     command = [PYTHON, ROOT / "tests" / "environments" / "with_debian_torch.py", *words]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=SECONDS, cwd=ROOT)
+    done = run(command, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
