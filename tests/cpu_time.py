@@ -73,7 +73,7 @@ def communicate(program: Program, limit: float = LIMIT, patience: float = PATIEN
         before = -1.0
         while not has_ended.wait(patience):
             used = cpu_time(program.pid)
-            if not before < used < limit:
+            if used == before or used >= limit:  # it is less if the program, or one that it has started, has just ended
                 killed_after.append(used)
                 with suppress(ProcessLookupError):
                     os.kill(program.pid, signal.SIGKILL)
