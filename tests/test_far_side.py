@@ -199,7 +199,7 @@ async def test_throttle_without_a_queue_loses_the_last_of_a_burst(far_side: FarS
 
 async def test_queue_drops_the_oldest(far_side: FarSide, connect: Connect) -> None:
     client = await connect(far_side.url)
-    await client.subscribe("/t", type=STRING, throttle_rate=1, queue_length=1)
+    await client.subscribe("/t", type=STRING, throttle_rate=50, queue_length=1)  # [ms]: much longer than a publish
     for i in range(100):
         await client.send("publish", topic="/t", msg={"data": f"{i}"})
     heard = [await client.message("/t")]
