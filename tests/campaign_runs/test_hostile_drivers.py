@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from tests.campaign_runs.conftest import CampaignFolder
-from tests.campaign_runs.test_interruption import is_running
+from tests.campaign_runs.test_interruption import wait_for_ends
 
 DRIVERS = """
 import ctypes, os, pathlib, signal, sys, threading, time
@@ -45,7 +45,7 @@ def forks(seen):
     if seen.time == 0.0:
         pid = os.fork()
         if pid == 0:
-            time.sleep(60)
+            time.sleep(600)
             os._exit(0)
         (HERE / "copy").write_text(str(pid))
     return COMMAND
@@ -87,7 +87,7 @@ if os.fork() == 0:
     if os.fork() == 0:
         open("daemon.new", "w").write(str(os.getpid()))
         os.rename("daemon.new", "daemon")
-        time.sleep(60)
+        time.sleep(600)
     os._exit(0)
 while not os.path.exists("daemon"):
     time.sleep(0.01)
@@ -139,8 +139,7 @@ def test_each_hostile_driver_is_a_row_and_the_campaign_goes_on(folder: CampaignF
         "daemon": "the program ended with code 4 after 0 frames",
         "last": "pass",
     }
-    left = [int((folder.path / name).read_text()) for name in ("copy", "daemon")]
-    assert [pid for pid in left if is_running(pid)] == []
+    wait_for_ends([int((folder.path / name).read_text()) for name in ("copy", "daemon")])
     shown = folder.command("list", "out")
     assert shown.returncode == 0
     assert "\x1b" not in shown.stdout

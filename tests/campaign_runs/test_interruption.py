@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -23,6 +23,9 @@ from tests.fork_server import ForkedProgram
 
 PATIENCE = 60.0
 """Longest wait for an event of a test [s]."""
+
+ENDING = 20.0
+"""Longest wait for the end of a killed process [s]: those of these tests end by themselves after 30 s or more."""
 
 STUBBORN = """
 import os, signal, sys, time
@@ -68,6 +71,14 @@ def is_running(pid: int) -> bool:
         return False
 
 
+def wait_for_ends(pids: Iterable[int]) -> None:
+    """Wait until processes have ended that were killed: the one that kills them may end before."""
+    end = time.monotonic() + ENDING
+    while left := [pid for pid in pids if is_running(pid)]:
+        assert time.monotonic() < end, left
+        time.sleep(0.01)
+
+
 def wait_for(what: Callable[[], object], process: ForkedProgram) -> None:
     end = time.monotonic() + PATIENCE
     while not what():
@@ -100,7 +111,7 @@ def test_ctrl_c_ends_workers_and_programs_that_do_not_want_to_and_keeps_what_is_
     assert process.returncode == 130, errors
     assert "--resume does the rest" in errors
     assert "Traceback" not in errors
-    assert [pid for pid in pids if is_running(pid)] == []
+    wait_for_ends(pids)
     assert not (folder.path / "finished").exists()
     assert [result.run.driver for result in ResultsFolder(folder.path / "c_runs").results()] == ["ours"]
     assert "ours" in (folder.path / "c_runs" / "runs.csv").read_text()
@@ -124,7 +135,7 @@ def test_program_of_a_worker_that_was_killed_ends_and_the_campaign_goes_on(folde
     found = {result.run.driver: result for result in ResultsFolder(folder.path / "c_runs").results()}
     assert found["ours"].verdict == "pass"
     assert found["program"].reason.startswith("the worker process died with signal 9")
-    assert [pid for pid in pids if is_running(pid)] == []
+    wait_for_ends(pids)
     assert not (folder.path / "finished").exists()
 
 
@@ -222,7 +233,4 @@ def test_group_is_ended_when_its_leader_has_gone(tmp_path: Path) -> None:
         process.wait(PATIENCE)
         assert is_running(child)
         end_groups(tmp_path)
-        end = time.monotonic() + PATIENCE
-        while is_running(child):
-            assert time.monotonic() < end
-            time.sleep(0.01)
+        wait_for_ends([child])
