@@ -7,6 +7,7 @@ import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import tarfile
@@ -427,7 +428,10 @@ async def test_image_command_serves_is_healthy_and_stops(place: Place, connect: 
         _, err = process.communicate(timeout=MINUTE)
         assert process.returncode == 0, err
         assert "Traceback" not in err
-        assert place.run(health_check(), ROSBRIDGE_SIM_PORT=port).returncode != 0
+        with socket.socket() as silent:  # nobody else gets its port
+            silent.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            silent.bind(("127.0.0.1", int(port)))
+            assert place.run(health_check(), ROSBRIDGE_SIM_PORT=port).returncode != 0
     finally:
         process.kill()
         process.communicate()
