@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Itera
 from contextlib import AsyncExitStack, suppress
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
@@ -26,8 +27,9 @@ __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 os.environ["ROSBRIDGE_SIM_CC"] = "none"
 
 # How long an example takes is the machine's, not the code's. `--long` tries more of them.
-hypothesis.settings.register_profile("ours", deadline=None, max_examples=10)
-hypothesis.settings.register_profile("long", deadline=None, max_examples=200)
+_NO_TIMES: dict[str, Any] = {"deadline": None, "suppress_health_check": [hypothesis.HealthCheck.too_slow]}
+hypothesis.settings.register_profile("ours", max_examples=10, **_NO_TIMES)
+hypothesis.settings.register_profile("long", max_examples=200, **_NO_TIMES)
 hypothesis.settings.load_profile("ours")
 
 
