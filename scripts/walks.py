@@ -5,8 +5,8 @@
 
 A server and two clients run in one event loop, and `sys.setprofile` reports each call of a function of the package,
 from the bytes of a frame to the bytes for all sockets and the next timer. Each walk is repeated, so that caches are
-warm, and the shortest one counts: timers of the server lengthen some, and every few frames a tick has more to do, as
-lights that change. Comprehensions do not count, because newer versions of Python do not call them.
+warm, and the shortest one that is no exception counts: timers of the server lengthen some, and every few frames a tick
+has more to do, as lights that change. Comprehensions do not count, because newer versions of Python do not call them.
 
 `scripts/write_docs.py` writes both walks into `docs/architecture.md`.
 """
@@ -16,6 +16,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from functools import cache
 from itertools import groupby, pairwise
@@ -37,9 +38,12 @@ PACKAGE: Final = ROOT / "rosbridge_sim"
 PUBLISH: Final = "publish"
 TICK: Final = "tick"
 
-NUM_PUBLISHES: Final = 5
-NUM_TICKS: Final = 20
+NUM_PUBLISHES: Final = 20
+NUM_TICKS: Final = 40
 """Repetitions: a tick has least to do in one frame of four or five, see `world/followers/waiting.py`."""
+
+USUAL: Final = 3
+"""A walk that came less often is an exception."""
 
 SETTLING_TIME: Final = 0.02
 """Time for turns of the loop that follow the last answer [s]; nothing is measured in time here."""
@@ -92,6 +96,11 @@ def measure_walks() -> dict[str, tuple[Visit, ...]]:
 
 
 async def _measure() -> dict[str, tuple[Visit, ...]]:
+    # In one server, ticks would set a timer anew for the seconds in which a topic without a subscriber is watched.
+    return {PUBLISH: await _measure_publish(), TICK: await _measure_tick()}
+
+
+async def _measure_publish() -> tuple[Visit, ...]:
     async with (
         Simulator(port=0, start="sync") as simulator,
         connect(simulator.url, compression=None) as client,
@@ -105,13 +114,17 @@ async def _measure() -> dict[str, tuple[Visit, ...]]:
             await _send(client, op="publish", topic="/chatter", msg={"data": "hello"})
             await listener.recv()
 
+        return await _shortest(publish, NUM_PUBLISHES)
+
+
+async def _measure_tick() -> tuple[Visit, ...]:
+    async with Simulator(port=0, start="sync") as simulator, connect(simulator.url, compression=None) as client:
+
         async def tick() -> None:
             await _call(client, "/SyncModeWaitForTick", user_id="walk", frame=1)
 
-        publish_walk = await _shortest(publish, NUM_PUBLISHES)
-        await listener.close()
         await _call(client, "/SyncModeCmd", user_id="walk", start_sync_mode=True, time_step=20)
-        return {PUBLISH: publish_walk, TICK: await _shortest(tick, NUM_TICKS)}
+        return await _shortest(tick, NUM_TICKS)
 
 
 async def _send(client: ClientConnection, **op: object) -> None:
@@ -125,8 +138,11 @@ async def _call(client: ClientConnection, service: str, **request: object) -> No
 
 
 async def _shortest(act: Callable[[], Awaitable[None]], num: int) -> tuple[Visit, ...]:
-    """Return the shortest walk of an act that is repeated."""
-    return min([await _walk_of(act) for _ in range(num)], key=len)
+    """Return the shortest usual walk of an act that is repeated."""
+    walks = Counter([await _walk_of(act) for _ in range(num)])
+    while max(walks.values()) < USUAL:  # on a machine with many pauses
+        walks[await _walk_of(act)] += 1
+    return min((walk for walk, times in walks.items() if times >= USUAL), key=len)
 
 
 async def _walk_of(act: Callable[[], Awaitable[None]]) -> tuple[Visit, ...]:
