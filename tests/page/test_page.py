@@ -223,6 +223,7 @@ async def test_map_has_its_share_of_small_windows_on_all_tabs_until_the_server_s
     page = await open_page(server, allow=LOST, viewport={"width": width, "height": height})
     await page.get_by_role("button", name="Let it drive").click()
     await expect(page.locator(".timeline")).to_be_visible()
+    await expect(page.locator(".header-activity")).to_have_text("Ego: drives")  # "waits for a command" is a line more
     sizes = [await page.evaluate(MAP_SIZE)]
     for tab in ("Time", "Objects", "Graph", "Log", "Code"):
         await page.get_by_role("tab", name=tab).click()
