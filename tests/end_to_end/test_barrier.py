@@ -8,9 +8,12 @@ import pytest
 
 from tests.conftest import Connect, Serve, Simulate
 from tests.end_to_end.programs import finish, start
-from tests.support import Client, Frame
+from tests.support import PATIENCE, Client, Frame
 
 pytestmark = pytest.mark.slow
+
+DEADLINE = 3.0
+"""Of a barrier of which one member is to be late [s]: the others, and their ticks, are not late on a busy machine."""
 
 
 async def join(client: Client, user_id: str, **terms: object) -> Frame:
@@ -42,12 +45,13 @@ async def test_others_go_on_and_are_told_when_one_is_killed_one_is_late_and_one_
     await watcher.subscribe("/sim/barrier", type="rosbridge_sim_msgs/Barrier")
     for user_id, client in clients.items():
         await client.send("set_level", level="warning")
-        assert (await join(client, user_id, deadline_s=0.5))["result"]
+        assert (await join(client, user_id, deadline_s=DEADLINE))["result"]
     start_frame = (await join(clients["a"], "a"))["frame"]
     for i in range(1, 6):
         assert await tick_all(clients) == {start_frame + i}
 
     killed = clients.pop("d")
+    await watcher.settle()  # in a tick of before, d may have been the last one, too
     waiting = asyncio.gather(*(tick(client, user_id) for user_id, client in clients.items()))
     await watcher.message_where("/sim/barrier", lambda barrier: barrier["waited_for"] == ["d"])
     killed.cut()
@@ -58,7 +62,7 @@ async def test_others_go_on_and_are_told_when_one_is_killed_one_is_late_and_one_
     late = clients["c"]
     others = {user_id: clients[user_id] for user_id in "ab"}
     assert await tick_all(others) == {start_frame + 7}
-    assert "counts for the next boundary" in (await told(late, "'c' has not ticked within 0.5 s"))["msg"]
+    assert "counts for the next boundary" in (await told(late, f"'c' has not ticked within {DEADLINE:g} s"))["msg"]
     barrier = await watcher.message_where("/sim/barrier", lambda barrier: any(barrier["late_counts"]))
     assert (barrier["members"], barrier["late_counts"]) == (["a", "b", "c"], [0, 0, 1])
     first = asyncio.ensure_future(tick(late, "c"))
@@ -99,7 +103,7 @@ async def test_roslibpy_members_go_on_when_another_is_killed(serve: Serve, conne
 async def test_peers_behind_one_bridge_are_one_member(simulate: Simulate, connect: Connect) -> None:
     place = simulate()
     one, other = await connect(place.url), await connect(place.url)
-    assert (await join(one, "a"))["result"]
+    assert (await join(one, "a", deadline_s=PATIENCE))["result"]
     answer = await join(other, "b")
     assert answer["result"] is not place.is_attached
     if place.is_attached:

@@ -24,7 +24,8 @@ def member(ros: roslibpy.Ros, user_id: str, num_members: str, num_frames: str) -
     join = roslibpy.Service(ros, "/sim/barrier/join", "rosbridge_sim_msgs/BarrierJoin")
     leave = roslibpy.Service(ros, "/sim/barrier/leave", "rosbridge_sim_msgs/BarrierLeave")
     tick = roslibpy.Service(ros, "/SyncModeWaitForTick", "morai_msgs/MoraiWaitForTickSrv")
-    joined = join.call(roslibpy.ServiceRequest({"user_id": user_id}), timeout=PATIENCE)
+    terms = {"user_id": user_id, "deadline_s": PATIENCE}  # nobody is late, however busy the machine
+    joined = join.call(roslibpy.ServiceRequest(terms), timeout=PATIENCE)
     assert are_all_here.wait(PATIENCE)
     frames: list[int] = [joined["frame"]]
     while frames[-1] < joined["frame"] + int(num_frames):
