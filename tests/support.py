@@ -12,10 +12,12 @@ import os
 import select
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, NoReturn, Self, TypeVar
@@ -38,6 +40,7 @@ __all__ = [
     "Process",
     "ServerProcess",
     "finish",
+    "held_port",
     "mask",
     "miss",
     "open_raw",
@@ -103,6 +106,22 @@ def finish(slices: Generator[None, None, T]) -> T:
         except StopIteration as end:
             value: T = end.value
             return value
+
+
+@contextmanager
+def held_port() -> Iterator[int]:
+    """Hold a port of loopback for servers that come and go on it; yield its number.
+
+    A free port that nobody holds may be that of another program's connection when the server is started. On Linux, a
+    socket that is bound and does not listen keeps it from all who take any free port, and from no server that names it.
+    """
+    with socket.socket() as holder:
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        holder.bind(("127.0.0.1", 0))
+        port: int = holder.getsockname()[1]
+        if sys.platform != "linux":
+            holder.close()
+        yield port
 
 
 # Processes

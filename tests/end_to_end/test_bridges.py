@@ -10,7 +10,7 @@ import asyncio
 import os
 import signal
 from collections.abc import AsyncIterator, Callable, Iterator
-from contextlib import asynccontextmanager
+from contextlib import ExitStack, asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -20,7 +20,7 @@ from tests.conftest import Connect
 from tests.deployment import Kind
 from tests.far_side.messages import UNFIT
 from tests.far_side.server import FarSide
-from tests.support import PATIENCE, AttachProcess, Client, FarSideProcess, Frame, ServerProcess
+from tests.support import PATIENCE, AttachProcess, Client, FarSideProcess, Frame, ServerProcess, held_port
 
 pytestmark = pytest.mark.slow
 
@@ -39,10 +39,12 @@ Build = Callable[..., Bridge]
 
 @pytest.fixture
 def build(tmp_path: Path) -> Iterator[Build]:
-    """Starts bridges."""
+    """Starts bridges. The port of each is held to the end, so that another one can take its place."""
     bridges: list[Bridge] = []
+    ports = ExitStack()
 
     def build_one(kind: Kind, *flags: str, port: int = 0) -> Bridge:
+        port = port or ports.enter_context(held_port())
         log = tmp_path / f"bridge-{len(bridges)}.txt"
         bridges.append(
             FarSideProcess(log, flags, port)
@@ -51,7 +53,8 @@ def build(tmp_path: Path) -> Iterator[Build]:
         )
         return bridges[-1]
 
-    yield build_one
+    with ports:
+        yield build_one
     for bridge in bridges:
         bridge.kill()
         if isinstance(bridge, FarSideProcess):
@@ -104,13 +107,17 @@ class Driver:
         return response
 
 
+SERVICES = {"/SyncModeCmd", "/SyncModeCtrlCmd", "/SyncModeWaitForTick", "/Service_MoraiEventCmd"}
+"""Those that these tests call. Each may have a socket of its own, which comes back when it likes."""
+
+
 async def until_announced(client: Client) -> None:
     """Come back once the simulator is there again: its latched topic first, its services soon after."""
     await client.send("subscribe", topic="/SyncModeInfo", type="morai_msgs/SyncModeInfo", id="until")
     await client.message("/SyncModeInfo")
     await client.send("unsubscribe", topic="/SyncModeInfo", id="until")
     async with asyncio.timeout(PATIENCE):
-        while "/SyncModeWaitForTick" not in (await client.values("/rosapi/services"))["services"]:
+        while not SERVICES <= set((await client.values("/rosapi/services"))["services"]):
             pass
 
 
@@ -255,7 +262,8 @@ async def test_unrequested_fragments_of_a_call_are_joined(build: Build, start: S
     driver = Driver(client)
     frame, _ = await driver.drive(await driver.lead(), 20)
     assert frame == 20
-    assert "WARNING" not in simulator.log
+    warnings = [line for line in simulator.log.splitlines() if "WARNING" in line]
+    assert all("it is too slow: " in line for line in warnings), simulator.log  # as any bridge of a busy machine
 
 
 # Slow and broken
@@ -369,8 +377,8 @@ async def test_unreliable_connection_is_dialled_again_until_it_holds(
     num_fates = 5
     bridge = build(kind)
     async with BrokenProxy(bridge.port, draw_fates(seed, num_fates, 20_000)) as proxy:
-        # A mute connection is noticed soon, and the last one is not lost to a machine that is busy for a moment.
-        flags = ("--ping-interval", "0.3", "--ping-timeout", "1", "--attach-retry", "0.5")
+        # A mute connection is noticed soon, and the last one is not lost to a machine that is busy for some seconds.
+        flags = ("--ping-interval", "0.3", "--ping-timeout", "5", "--attach-retry", "0.5")
         simulator = await asyncio.to_thread(start, proxy.url, *flags)
         async with watched(simulator, num_lines=4 * num_fates):
             await proxy.until(lambda: proxy.is_used_up)
