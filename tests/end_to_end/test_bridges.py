@@ -117,7 +117,7 @@ async def until_announced(client: Client) -> None:
     await client.message("/SyncModeInfo")
     await client.send("unsubscribe", topic="/SyncModeInfo", id="until")
     async with asyncio.timeout(PATIENCE):
-        while not SERVICES <= set((await client.values("/rosapi/services"))["services"]):
+        while SERVICES - set((await client.values("/rosapi/services"))["services"]):
             pass
 
 

@@ -6,7 +6,6 @@ import asyncio
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 import threading
@@ -21,7 +20,7 @@ import pytest
 from rosbridge_sim import Simulator
 from tests.cli.tool_fixture import run
 from tests.end_to_end.test_browser import open_browser, page_at, until
-from tests.support import PATIENCE, ROOT, require_chromium, require_node_modules, require_tool
+from tests.support import PATIENCE, ROOT, held_port, require_chromium, require_node_modules, require_tool
 from tests.test_doc_examples import example
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -84,28 +83,38 @@ def run_in(folder: Path, *command: str, **more: str) -> subprocess.CompletedProc
     )
 
 
-def free_port() -> str:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return str(one.getsockname()[1])
+PATIENT = f"""
+import config from "./playwright.config.js";
+export default {{ ...config, timeout: {4e3 * PATIENCE}, expect: {{ timeout: {1e3 * PATIENCE} }} }};
+"""
+"""The guide's configuration with more than the five seconds in which a page must show something, and thirty in all."""
+
+PATIENT_PYTHON = f"from playwright.sync_api import expect\nexpect.set_options(timeout={1e3 * PATIENCE})\n"
+"""The same in Python."""
+
+
+def run_playwright(project: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run the tests of the project, which serve the page at a port of our choice."""
+    command = (require_node_modules() / "@playwright" / "test" / "cli.js", "test", "--workers=1", *words)
+    with held_port() as port:
+        return run_in(project, require_tool("node"), *map(str, command), PAGE_PORT=str(port))
 
 
 def test_guides_npm_project_passes(project: Path) -> None:
-    playwright = require_node_modules() / "@playwright" / "test" / "cli.js"
-    done = run_in(project, require_tool("node"), str(playwright), "test", "--workers=1", PAGE_PORT=free_port())
+    (project / "patient.config.js").write_text(PATIENT)
+    done = run_playwright(project, "--config=patient.config.js")
     assert (done.returncode, "3 passed" in done.stdout) == (0, True), done.stdout + done.stderr
 
 
 def test_guides_npm_project_fails_if_the_page_does(project: Path) -> None:
     page = project / "index.html"
     page.write_text(page.read_text().replace('"no data"', '"live"'))
-    playwright = require_node_modules() / "@playwright" / "test" / "cli.js"
-    words = ("test", "--workers=1", "-g", "no data come")
-    done = run_in(project, require_tool("node"), str(playwright), *words, PAGE_PORT=free_port())
+    done = run_playwright(project, "-g", "no data come")
     assert (done.returncode, "1 failed" in done.stdout) == (1, True), done.stdout + done.stderr
 
 
 def test_guides_python_test_passes(project: Path) -> None:
+    (project / "conftest.py").write_text(PATIENT_PYTHON)
     with site_of(project) as port:
         words = ("-m", "pytest", "-q", "-p", "rosbridge_sim.pytest_plugin", "test_page.py")
         more = {"PAGE_PORT": str(port), "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
