@@ -26,9 +26,9 @@ from rosbridge_sim.client import Client
 
 URL, *NAMES = sys.argv[1:]
 NAMES += ["roslibpy", "cbor"]
-SECONDS = 60.0
+SECONDS = 90.0
 LINGER = 5.0
-"""Time for the last answers to clients that others have started [s]."""
+"""Time for the last answers to come to clients that others have started [s]."""
 
 Ros: TypeAlias = Any
 """An object of rclpy or roslibpy."""
@@ -103,11 +103,15 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node("robot")
     heard, asked = told["heard"], told["asked"]
+    answered: set[str] = set()
 
     def tell(request: Ros, response: Ros) -> Ros:
-        response.string_value = f"for {request.string_value}"
+        name = request.string_value
+        response.string_value = f"for {name}"
         response.float64_value = request.float64_value
-        response.bool_value = request.string_value in heard and request.string_value in asked
+        response.bool_value = name in heard and name in asked
+        if response.bool_value:
+            answered.add(name)
         return response
 
     def hear(name: str) -> None:
@@ -134,7 +138,7 @@ def main() -> None:
         publisher.publish(String(data="robot \u2713"))
         for name in [name for name, client in clients.items() if client.service_is_ready()]:
             ask(name)
-        if not is_over and len(heard) == len(asked) == len(NAMES) and len(told["said"]) == 2:
+        if not is_over and len(answered) == len(NAMES) and len(told["said"]) == 2:
             is_over, end = True, time.monotonic() + LINGER
     sys.stdout.write(json.dumps(told))
     sys.stdout.flush()

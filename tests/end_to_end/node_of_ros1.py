@@ -53,7 +53,7 @@ def drive() -> None:
     stamps: list[int] = []
     rospy.Subscriber("/Ego_topic", message_type("morai_msgs/EgoVehicleStatus"), egos.append)
     rospy.Subscriber("/imu", Imu, lambda imu: stamps.append(imu.header.stamp.to_nsec()))
-    command.wait_for_service(30)
+    command.wait_for_service(60)
     start = command.request_class()
     start.request.user_id, start.request.start_sync_mode, start.request.time_step = "planner", True, 20
     begun = command(start)
@@ -135,7 +135,7 @@ def serve() -> None:
     assert end.wait(60)
     wait_for(lambda: rospy.get_param("/from_client", None) == [1, 2])
     trigger = rospy.ServiceProxy("/trigger", std_srvs.srv.Trigger)
-    trigger.wait_for_service(30)
+    trigger.wait_for_service(60)
     answers = [trigger().message]
     try:
         trigger()

@@ -31,7 +31,7 @@ def main() -> None:
         num_clocks += 1
 
     own = [
-        node.create_subscription(Imu, "/imu", hear_imu, 10),
+        node.create_subscription(Imu, "/imu", hear_imu, 1_000),
         node.create_subscription(NavSatFix, "/fix", hear_fix, 10),
         node.create_subscription(Clock, "/clock", hear_clock, 10),
     ]

@@ -175,6 +175,7 @@ async def _(play: SceneClient) -> None:
     assert (event["gear"], event["ctrl_mode"]) == (4, 1)
 
     await play.let_go()
+    play.client.inbox.clear()  # of the ticks before
     await play.client.send("publish", topic="/ctrl_cmd", msg={"accel": 1.0})
     start = await play.client.message("/Ego_topic")
     later = await play.client.message_where("/Ego_topic", lambda s: s["header"]["seq"] > start["header"]["seq"] + 20)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -51,20 +50,17 @@ def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServerPro
     program.stop_cleanly()
 
 
-def run_node(*command: str | Path, seconds: float) -> str:
+def run_node(*command: str | Path) -> str:
     require_rclpy()
     own = {"ROS_DOMAIN_ID": DOMAIN, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "PYTHONPATH": str(ROOT)}
-    env = os.environ | own
-    done = subprocess.run(
-        [str(RCLPY), *map(str, command)], env=env, capture_output=True, text=True, timeout=seconds, check=False
-    )
+    done = run_to_end([str(RCLPY), *map(str, command)], env=os.environ | own)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def test_rclpy_sees_the_node_its_types_and_every_message(server: ServerProcess) -> None:
     assert server.is_alive
-    seen = json.loads(run_node(ROOT / "tests" / "end_to_end" / "node_of_ros2.py", seconds=90))
+    seen = json.loads(run_node(ROOT / "tests" / "end_to_end" / "node_of_ros2.py"))
     assert seen["nodes"] == ["/judge", "/rosbridge_sim"]
     assert seen["node_of_imu"] == "rosbridge_sim"
     assert seen["is_hash_ours"]
@@ -77,7 +73,7 @@ def test_rclpy_sees_the_node_its_types_and_every_message(server: ServerProcess) 
 
 def test_a_node_drives_along_a_path(server: ServerProcess) -> None:
     assert server.is_alive
-    told = run_node(EXAMPLES / "drive_ros2.py", EXAMPLES / "course.txt", seconds=400)
+    told = run_node(EXAMPLES / "drive_ros2.py", EXAMPLES / "course.txt")
     error = float(told.removeprefix("largest error ").removesuffix(" m\n"))
     assert error <= 0.3
 
@@ -87,7 +83,7 @@ def test_a_node_sees_markers_and_cameras_and_the_bytes_that_are_recorded(tmp_pat
     file = tmp_path / "run.mcap"
     options = ["--ros2-domain", DOMAIN, "--ros", "2", "--record", str(file), "--sensors", "camera"]
     program = ServerProcess(tmp_path / "log", options)
-    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "witness_of_ros2.py", seconds=150))
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "witness_of_ros2.py"))
     program.stop_cleanly()
     assert told["counts"]["/sim/scene/map"] == 1, "it is latched, and comes once"
     assert told["seen"]["/sim/scene/map"] > 0
@@ -107,9 +103,7 @@ def test_a_node_sees_markers_and_cameras_and_the_bytes_that_are_recorded(tmp_pat
 )
 def test_a_node_drives_in_lock_step_and_sees_every_frame(server: ServerProcess) -> None:
     assert server.is_alive
-    told = json.loads(
-        run_node(ROOT / "tests" / "end_to_end" / "lock_step_of_ros2.py", EXAMPLES / "course.txt", seconds=300)
-    )
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "lock_step_of_ros2.py", EXAMPLES / "course.txt"))
     assert told["error"] <= 0.3
     assert len(told["stamps"]) > 100 * 50, "the course takes two minutes"
     assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"
@@ -117,7 +111,7 @@ def test_a_node_drives_in_lock_step_and_sees_every_frame(server: ServerProcess) 
 
 def test_services_pass_in_both_directions(tmp_path: Path) -> None:
     with rclpy_server(tmp_path, "--no-world") as program:
-        told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "services_of_ros2.py", program.url, seconds=300))
+        told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "services_of_ros2.py", program.url))
     assert told["wrong"] == {"web to node": 0, "node to web": 0}, "of 1,000 calls each, types without --schema-path"
     assert told["at once"] == {"web to node": 20, "node to web": 20}
     assert told["unknown"] == "Service /nobody does not exist"
@@ -132,7 +126,7 @@ def test_clients_of_every_kind_are_beside_one_node(tmp_path: Path) -> None:
     script = ROOT / "tests" / "end_to_end" / "beside_of_ros2.py"
     with rclpy_server(tmp_path, "--no-world") as program:
         clients = {name: start(name, "graph", program.port, "use", name) for name in libraries}
-        told = json.loads(run_node(script, program.url, *libraries, seconds=120))
+        told = json.loads(run_node(script, program.url, *libraries))
         said = told["said"] | {name: finish(client) for name, client in clients.items()}
     names = [*libraries, "roslibpy", "cbor"]
     assert told["heard"] == {name: f"{name} \u2713" for name in names}
@@ -148,13 +142,13 @@ def test_checks_of_services_and_actions_hold_across_the_graph(tmp_path: Path, si
     names = [name for name in wanted if name not in without]
     script = ROOT / "tests" / "end_to_end" / "vectors_of_ros2.py"
     with rclpy_server(tmp_path, "--no-world") as program:
-        told = json.loads(run_node(script, program.url, side, *names, seconds=400))
+        told = json.loads(run_node(script, program.url, side, *names))
     assert told == dict.fromkeys(names, "")
 
 
 def test_actions_and_parameters_pass_in_both_directions(tmp_path: Path) -> None:
     with rclpy_server(tmp_path, "--no-world", "--max-calls", "2", "--deny-param", "*:secret") as program:
-        told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "actions_of_ros2.py", program.url, seconds=200))
+        told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "actions_of_ros2.py", program.url))
     assert told["listed"] == ["test_msgs/Fibonacci", True]
     assert told["web to node"] == [[[0, 1, 1, 2, 3, 5], True, 4], "the goal was rejected by its node", 5]
     assert told["has cancelled the goal of a client that left"]
@@ -173,7 +167,7 @@ def test_no_packet_leaves_the_machine_though_it_has_another_interface() -> None:
 
 
 def test_messages_of_a_tick_are_in_a_node_before_the_answer() -> None:
-    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "tick_of_ros2.py", seconds=120))
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "tick_of_ros2.py"))
     assert told["heard"] == [[num, num] for num in range(1, 201)]
     assert told["stamps"]["/clock"] == told["stamps"]["/imu"]
     assert {after - before for before, after in pairwise(told["stamps"]["/imu"])} == {20_000_000}
@@ -193,7 +187,7 @@ def check_rights(tmp_path: Path, *options: str, namespace: str = "") -> None:
     denied = ("--deny-service=*/secret", "--deny-param=*/robot:secret", "--deny-param=/robot:secret")
     script = ROOT / "tests" / "end_to_end" / "rights_of_ros2.py"
     with rclpy_server(tmp_path, "--no-world", *options, *denied) as program:
-        told = json.loads(run_node(script, program.url, namespace, seconds=120))
+        told = json.loads(run_node(script, program.url, namespace))
     assert told["node heard"] == ["/web/public"]
     assert told["client heard"] == ["/robot/state"]
     assert told["node sees"] == told["node sees topics"] == [0, 1]
@@ -209,7 +203,7 @@ def check_rights(tmp_path: Path, *options: str, namespace: str = "") -> None:
 def test_hostile_node_keeps_no_client_waiting(tmp_path: Path) -> None:
     script = ROOT / "tests" / "end_to_end" / "hostile_of_ros2.py"
     with rclpy_server(tmp_path, "--no-world") as program:
-        told = json.loads(run_node(script, program.url, seconds=300))
+        told = json.loads(run_node(script, program.url))
     assert told["types"] == ["int"], "a subscription gets messages of its type alone"
     assert told["late"] == ["Timeout exceeded while waiting for service response"] * 3
     assert told["after late"], "it gets its own answer"
@@ -222,7 +216,7 @@ def test_hostile_node_keeps_no_client_waiting(tmp_path: Path) -> None:
 
 
 def test_nodes_that_come_and_go_leave_nothing_behind() -> None:
-    told = json.loads(run_node(ROOT / "scripts" / "soak" / "ros2_nodes.py", "--seconds", "1", seconds=300))
+    told = json.loads(run_node(ROOT / "scripts" / "soak" / "ros2_nodes.py", "--seconds", "1"))
     assert told["nodes"] == 14
     assert told["end"] == told["begin"], "descriptors, threads, tasks, and what the bus knows"
 
@@ -240,7 +234,7 @@ def test_a_node_drives_in_lock_step_through_rclpy(tmp_path: Path) -> None:
     options = ("--ros2-wait-for-command", "--ros2-command-deadline=10", "--real-time-factor=0")
     script = ROOT / "tests" / "end_to_end" / "lock_step_of_ros2.py"
     with rclpy_server(tmp_path, *options):
-        told = json.loads(run_node(script, EXAMPLES / "course.txt", seconds=300))
+        told = json.loads(run_node(script, EXAMPLES / "course.txt"))
     assert told["error"] <= 0.3
     assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"
 

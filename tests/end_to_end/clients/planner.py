@@ -22,6 +22,7 @@ STEERING = "steering"  # what CtrlCmd calls the front wheels
 WHEELBASE = 2.7  # [m]
 NOSE = 3.58  # from the rear axle to the front bumper [m]
 PERIOD = 1 / 30  # between two commands in real time [s]
+PATIENCE = 60.0  # with the simulator [s]
 GAP = 3.0  # room that is left before whatever is ahead [m]
 COMFORT = 2.0  # what the brake plans with [m/s^2]
 LANE = 1.6  # how far beside the path an object is in the way [m]
@@ -119,7 +120,7 @@ def drive(ros: roslibpy.Ros, planner: Planner) -> None:
     roslibpy.Topic(ros, "/Ego_topic", "morai_msgs/EgoVehicleStatus").subscribe(on_ego)
     roslibpy.Topic(ros, "/Object_topic", "morai_msgs/ObjectStatusList").subscribe(planner.see)
     control.advertise()
-    latest.wait(10.0)
+    assert latest.wait(PATIENCE)
     while not has_arrived.wait(PERIOD):
         control.publish(roslibpy.Message(planner.command(dict(ego), PERIOD)))
 
@@ -129,7 +130,7 @@ def drive_synchronously(ros: roslibpy.Ros, planner: Planner) -> None:
 
     def ask(service: str, **request: object) -> dict[str, Any]:
         call = roslibpy.Service(ros, service, "")
-        answer: dict[str, Any] = call.call(roslibpy.ServiceRequest({"request": request}), timeout=10)["response"]
+        answer: dict[str, Any] = call.call(roslibpy.ServiceRequest({"request": request}), timeout=PATIENCE)["response"]
         return answer
 
     roslibpy.Topic(ros, "/Object_topic", "morai_msgs/ObjectStatusList").subscribe(planner.see)
@@ -152,7 +153,7 @@ def main() -> int:
     args = parser.parse_args()
     points = [(float(x), float(y)) for x, y, *_ in (line.split() for line in args.path.read_text().splitlines())]
     ros = roslibpy.Ros("127.0.0.1", args.port)
-    ros.run(timeout=10)
+    ros.run(timeout=PATIENCE)
     try:
         (drive_synchronously if args.sync else drive)(ros, Planner(points, args.speed_kmh))
     finally:

@@ -6,7 +6,7 @@ from typing import Any
 
 import roslibpy
 
-from tests.end_to_end.clients.program import run, say
+from tests.end_to_end.clients.program import PATIENCE, run, say
 
 FRAMES = 50
 
@@ -25,7 +25,7 @@ def save(ros: roslibpy.Ros, folder: str) -> None:
     mount.publish(roslibpy.Message({"sensor_index": [0], **place}))
 
     def ask(service: str, **request: object) -> dict[str, Any]:
-        answer: dict[str, Any] = roslibpy.Service(ros, service, "").call({"request": request}, timeout=20)
+        answer: dict[str, Any] = roslibpy.Service(ros, service, "").call({"request": request}, timeout=PATIENCE)
         return answer
 
     frame = ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)["response"]["frame"]
