@@ -31,7 +31,12 @@ from rosbridge_sim.client import Client
 from rosbridge_sim.doctor.check_frames import agrees, write_frame
 from tests.vector_player import load_vectors
 
-PATIENCE: Final = 6.0
+PATIENCE: Final = 60.0
+"""How long what must come is waited for [s]."""
+
+ABSENCE: Final = 2.0
+"""Time in which an action that is not listed does not appear [s]."""
+
 TURN: Final = 0.002
 """Time for one thing to do [s]; always the same, because rclpy begins anew with its first task after each other one."""
 
@@ -138,6 +143,7 @@ class NodeSide:
         self._answers: dict[str, Callable[[Frame], object]] = {}
         self._nums: Counter[str] = Counter()
         self._goals: dict[str, Ros] = {}
+        self._begun: set[str] = set()
 
     def send(self, frame: Frame) -> None:
         work = getattr(self, f"_{frame['op']}", None)
@@ -255,7 +261,8 @@ class NodeSide:
         name = frame["action"]
         known = {"id": frame["id"]} if "id" in frame else {}
         client = self._clients.setdefault(name, ActionClient(self._node, Fibonacci, name))
-        is_there = self._wait(client.server_is_ready, 2.0)
+        is_listed = self._node.count_services(f"{name}/_action/send_goal") > 0
+        is_there = self._wait(client.server_is_ready, PATIENCE if is_listed else ABSENCE)
 
         def end(values: object, status: int, *, is_ok: bool) -> None:
             fields = {"values": values, "status": status, "result": is_ok}
@@ -268,6 +275,7 @@ class NodeSide:
         def begin(future: Future) -> None:
             goal = future.result()
             if not goal.accepted:
+                self._begun.discard(frame.get("id", ""))
                 end("rejected", 0, is_ok=False)
                 return
             self._goals[frame.get("id", "")] = goal
@@ -278,13 +286,15 @@ class NodeSide:
         if not is_there:
             end(f"Action {name} does not exist", 0, is_ok=False)
             return
+        self._begun.add(frame.get("id", ""))
         goal = filled(Fibonacci.Goal(), frame["args"])
         client.send_goal_async(goal, feedback_callback=report if frame.get("feedback") else None).add_done_callback(
             begin
         )
 
     def _cancel_action_goal(self, frame: Frame) -> None:
-        if self._wait(lambda: frame["id"] in self._goals, 1.0):
+        self._wait(lambda: frame["id"] in self._goals or frame["id"] not in self._begun, PATIENCE)
+        if frame["id"] in self._goals:
             self._goals[frame["id"]].cancel_goal_async()
 
 
