@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import os
 import random
 import sys
 import tempfile
@@ -60,8 +61,8 @@ MAX_OBJECTS = 5_000
 MAX_OBJECTS_EACH = 0.5
 """Small objects that may stay for each life of a client: a leak of one object a life is found."""
 
-MAX_THREADS = 6
-"""Threads that may stay and wait for the next file: the size of the loop's own executor on two cores."""
+MAX_THREADS = min(32, (os.cpu_count() or 1) + 4)
+"""Threads that may stay and wait for the next file: the size of the loop's own executor."""
 
 MAX_STALL = 150.0
 """Longest wait of the bystander above that of the one at the idle server [ms], if one pass of the server's loop also
