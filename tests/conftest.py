@@ -19,7 +19,7 @@ import pytest_asyncio
 from tests.deployment import Bridges, Place
 from tests.long_tests import find_mistakes
 from tests.long_tests import is_long as is_of_a_long_group
-from tests.support import Client, ServerProcess, require_tool
+from tests.support import Client, ServerProcess, held_port, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
@@ -250,6 +250,13 @@ def serve(tmp_path: Path) -> Iterator[Serve]:
     yield start
     for process in processes:
         process.stop_cleanly()
+
+
+@pytest.fixture
+def kept_port() -> Iterator[int]:
+    """A port for servers of a test that come and go; no other program gets it meanwhile."""
+    with held_port() as port:
+        yield port
 
 
 @pytest.fixture(scope="session")

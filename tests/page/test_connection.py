@@ -177,9 +177,9 @@ async def test_statuses_of_the_server_are_told(page: Page) -> None:
 
 
 async def test_lost_server_fails_calls_and_comes_back_with_subscriptions_and_advertisements(
-    tmp_path: Path, open_page: OpenPage, connect: Connect
+    tmp_path: Path, open_page: OpenPage, connect: Connect, kept_port: int
 ) -> None:
-    first = ServerProcess(tmp_path / "first.txt", ["--start", "sync"])
+    first = ServerProcess(tmp_path / "first.txt", ["--start", "sync"], port=kept_port)
     try:
         client = await connect(first.url)
         await client.send("advertise_service", service="/slow", type="std_srvs/Trigger")
@@ -202,7 +202,7 @@ async def test_lost_server_fails_calls_and_comes_back_with_subscriptions_and_adv
         first.kill()
         await wait(page, "connection.state === 'lost'")
         assert await run(page, "failed") == "The connection was lost before the answer came."
-        second = ServerProcess(tmp_path / "second.txt", ["--start", "sync"], port=first.port)
+        second = ServerProcess(tmp_path / "second.txt", ["--start", "sync"], port=kept_port)
         try:
             await wait(page, "connection.state === 'open'")
             assert len(await names_of(page, "/rosapi/subscribers", "/g")) == 1

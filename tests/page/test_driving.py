@@ -27,9 +27,9 @@ LEFT_TRIGGER, RIGHT_TRIGGER = 6, 7
 
 
 async def test_killed_server_ends_the_drive_and_the_next_one_begins_with_pedals_up(
-    tmp_path: Path, open_page: OpenPage
+    tmp_path: Path, open_page: OpenPage, kept_port: int
 ) -> None:
-    first = ServerProcess(tmp_path / "first.txt", ("--scenario", "town"))
+    first = ServerProcess(tmp_path / "first.txt", ("--scenario", "town"), port=kept_port)
     try:
         page = await open_page(first, allow=LOST)
         await begin_drive(page)
@@ -38,7 +38,7 @@ async def test_killed_server_ends_the_drive_and_the_next_one_begins_with_pedals_
             await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
             first.kill()
         await expect(page.get_by_text("The drive has ended, because the connection was lost.")).to_be_visible()
-        second = ServerProcess(tmp_path / "second.txt", ("--scenario", "town"), port=first.port)
+        second = ServerProcess(tmp_path / "second.txt", ("--scenario", "town"), port=kept_port)
         try:
             await expect(page.locator(".connection-state")).to_have_text("Connected")
             await expect(page.get_by_role("button", name="Drive by hand")).to_be_visible()

@@ -153,8 +153,8 @@ async def test_token_that_is_no_longer_right_is_asked_for_again(serve: Serve, op
 LOST = ("WebSocket connection to", "ERR_CONNECTION_REFUSED")
 
 
-async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: OpenPage) -> None:
-    server = ServerProcess(tmp_path / "first.txt")
+async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: OpenPage, kept_port: int) -> None:
+    server = ServerProcess(tmp_path / "first.txt", port=kept_port)
     try:
         page = await open_page(server, allow=LOST)
         banner = page.locator(".banner")
@@ -165,7 +165,7 @@ async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: 
         await expect(banner).to_contain_text(re.compile(r"The map shows the state of [1-9]\d* s ago\.$"))
         await expect(page.locator(".connection-state")).to_be_hidden()  # one place tells it
         await expect(page.locator(".timeline .slider-row output")).to_have_text("last state")
-        second = ServerProcess(tmp_path / "second.txt", port=server.port)
+        second = ServerProcess(tmp_path / "second.txt", port=kept_port)
         try:
             await expect(banner).to_contain_text("Connected again")
             await expect(page.locator(".connection-state")).to_have_text("Connected")

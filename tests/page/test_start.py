@@ -58,8 +58,10 @@ async def test_first_program_drives_this_server_as_it_is(serve: Serve, open_page
     assert max(float(line.split()[0]) for line in done.stdout.splitlines()) > 20.0, done.stdout
 
 
-async def test_instruments_show_nothing_of_a_server_before_the_restart(tmp_path: Path, open_page: OpenPage) -> None:
-    first = ServerProcess(tmp_path / "first.txt", ("--scenario", "town"))
+async def test_instruments_show_nothing_of_a_server_before_the_restart(
+    tmp_path: Path, open_page: OpenPage, kept_port: int
+) -> None:
+    first = ServerProcess(tmp_path / "first.txt", ("--scenario", "town"), port=kept_port)
     try:
         page = await open_page(first, allow=LOST)
         async with AsyncClient(first.url, timeout=PATIENCE) as client:
@@ -70,7 +72,7 @@ async def test_instruments_show_nothing_of_a_server_before_the_restart(tmp_path:
         await expect(page.locator(".speed-value")).to_have_text(DASH)
         await expect(page.locator(".instruments dd").nth(3)).to_have_text(DASH)
         flags = ("--scenario", "loop", "--start", "sync", "--deny-subscribe", "/sim/scene/*")
-        second = ServerProcess(tmp_path / "second.txt", flags, port=first.port)
+        second = ServerProcess(tmp_path / "second.txt", flags, port=kept_port)
         try:
             await expect(page.locator(".header-frame")).to_have_text("frame 0")
             await expect(page.locator(".header-scenario")).to_be_hidden()

@@ -28,7 +28,7 @@ from tests.conftest import Connect
 from tests.far_side import graph as far_graph
 from tests.far_side.server import FarSide
 from tests.simulator.sim_harness import ManualReader, put_egos
-from tests.support import PATIENCE, Client
+from tests.support import PATIENCE, Client, held_port
 
 TOKEN = "sesame"  # noqa: S105 - opens nothing
 
@@ -402,10 +402,9 @@ async def test_client_goes_on_after_a_bridge_restart(connect: Connect, lines: Ca
 @asynccontextmanager
 async def attached_later() -> AsyncIterator[tuple[Simulator, int]]:
     """A simulator that dials a port where nobody listens yet."""
-    async with gateway() as bridge:
-        port = bridge.port
-    async with Simulator(attach=f"127.0.0.1:{port}", listen=False, start="sync", attach_retry=0.5) as sim:
-        yield sim, port
+    with held_port() as port:
+        async with Simulator(attach=f"127.0.0.1:{port}", listen=False, start="sync", attach_retry=0.5) as sim:
+            yield sim, port
 
 
 async def test_leaving_unadvertises_at_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:

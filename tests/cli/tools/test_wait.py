@@ -18,11 +18,10 @@ async def test_wait_ends_at_once_if_the_server_is_ready() -> None:
     assert (done.code, done.out, done.err) == (0, "", "")
 
 
-async def test_wait_ends_when_the_server_becomes_ready() -> None:
-    async with Simulator(port=0, world=False) as first:
-        port = first.port
-    waiting = asyncio.create_task(in_the_background("wait", "--timeout", str(PATIENCE), url=f"ws://127.0.0.1:{port}"))
-    async with Simulator(port=port, world=False):
+async def test_wait_ends_when_the_server_becomes_ready(kept_port: int) -> None:
+    url = f"ws://127.0.0.1:{kept_port}"
+    waiting = asyncio.create_task(in_the_background("wait", "--timeout", str(PATIENCE), url=url))
+    async with Simulator(port=kept_port, world=False):
         assert (await waiting).code == 0
 
 
