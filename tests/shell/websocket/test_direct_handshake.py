@@ -104,7 +104,7 @@ async def test_ordinary_request_costs_no_task(listen: Listen) -> None:
 
 @pytest.mark.parametrize("size", [1, 7, len(REQUEST) - 1])
 async def test_request_in_parts_is_answered_by_the_library(listen: Listen, size: int) -> None:
-    server = await listen()
+    server = await listen(open_timeout=FOR_EVER)
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     data = REQUEST + mask(CALL)
     for start in range(0, len(data), size):
