@@ -48,7 +48,7 @@ def _place(world: World, uid: int) -> str:
     view = view_driver(world, row)
     why = ""
     if view is not None:
-        rows = {"behind": view.lead_row if view.is_following else -1, "rival": view.rival_row}
+        rows = {"behind": view.lead if view.is_following else -1, "rival": view.rival}
         why = ", ".join(f"{name} {_uid(world, other)}" for name, other in rows.items() if other >= 0)
         stop_lane = f" before {world.roads.ids[view.stop_lane]}" if view.stop_lane >= 0 else ""
         why = f" (stops for {view.stop.value or 'nothing'}{stop_lane}{', ' * bool(why)}{why})"

@@ -263,16 +263,16 @@ class Watch:
         if view is None:
             return "follows no lane", -1
         words = []
-        if view.lead_row >= 0:
-            lead = view.lead_row
+        if view.lead >= 0:
+            lead = view.lead
             kind = Kind(world.kind.item(lead)).name.lower()
             motion = f"{world.speed[lead] * 3.6:.0f} km/h, {world.accel[lead]:.1f} m/s^2"
             words.append(f"lead uid {world.uid[lead]} ({kind}, {motion}) in {view.gap:.1f} m")
         if view.stop.value:
             words.append(f"stops for {view.stop.value} in {view.stop_distance:.1f} m")
-        if view.rival_row >= 0:
-            words.append(f"gives way to uid {world.uid[view.rival_row]}")
-        return ", ".join(words) or "sees nothing", view.lead_row
+        if view.rival >= 0:
+            words.append(f"gives way to uid {world.uid[view.rival]}")
+        return ", ".join(words) or "sees nothing", view.lead
 
 
 def _find_bumps(world: World, rows: IntArray) -> list[tuple[int, int]]:

@@ -32,14 +32,14 @@ def test_driver_alone_follows_nothing_and_stops_for_nothing() -> None:
     world = world_of(road())
     row = car(world, "a", 10.0, speed=10.0)
     assert view(world, row) == DriverView(
-        lead_row=-1,
+        lead=-1,
         gap=math.inf,
         is_following=False,
         stop=Stop.NONE,
         stop_distance=math.inf,
         stop_lane=-1,
         light=-1,
-        rival_row=-1,
+        rival=-1,
     )
 
 
@@ -58,10 +58,10 @@ def test_driver_behind_a_slower_one_follows_it_with_its_gap() -> None:
     fast = car(world, "a", 120.0, speed=15.0)
     run(world, 20.0)
     seen = view(world, fast)
-    assert (seen.lead_row, seen.is_following) == (slow, True)
+    assert (seen.lead, seen.is_following) == (slow, True)
     assert seen.gap == pytest.approx(world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE)
     assert not view(world, slow).is_following
-    assert view(world, slow).lead_row in {far, -1}
+    assert view(world, slow).lead in {far, -1}
 
 
 @pytest.mark.parametrize("kind", [Kind.EGO, Kind.PEDESTRIAN, Kind.OBSTACLE])
@@ -74,7 +74,7 @@ def test_driver_names_what_stands_in_its_way_on_any_lane_ahead(kind: Kind) -> No
     row = car(world, "a", 5.0, speed=8.0)
     run(world, 15.0)
     seen = view(world, row)
-    assert (seen.lead_row, seen.is_following) == (thing, True)
+    assert (seen.lead, seen.is_following) == (thing, True)
     assert 0.0 < seen.gap < 5.0
 
 
@@ -105,7 +105,7 @@ def test_driver_that_may_cross_and_stops_at_a_light_behind_the_crossing_names_th
     world = world_of(roads, SignalPlan(roads, [Light("behind", lanes=(roads.row("e"),))], [red]))
     row = car(world, "w", 190.0 - NOSE - 15.0, speed=10.0)
     seen = view(world, row)
-    assert (seen.stop, roads.ids[seen.stop_lane], seen.rival_row) == (Stop.LIGHT, "e", -1)
+    assert (seen.stop, roads.ids[seen.stop_lane], seen.rival) == (Stop.LIGHT, "e", -1)
     assert seen.stop_distance == pytest.approx(35.0)
 
 
@@ -133,7 +133,7 @@ def test_driver_that_gives_way_names_who_has_the_right_of_way() -> None:
         run(world, 0.1)
         seen.append(view(world, second))
     waits = [each for each in seen if each.stop is Stop.RIGHT_OF_WAY]
-    assert {each.rival_row for each in waits} == {first}
+    assert {each.rival for each in waits} == {first}
     assert {world.roads.ids[each.stop_lane] for each in waits} == {"sn"}
     assert lane_of(world, second) != "s"
 
@@ -151,7 +151,7 @@ def test_driver_before_a_full_street_waits_for_room() -> None:
 def test_driver_names_the_vehicle_ahead_also_if_it_is_the_first_one_of_all() -> None:
     world = world_of(road())
     lead, row = car(world, "a", 60.0, speed=5.0), car(world, "a", 45.0, speed=8.0)
-    assert (lead, view(world, row).lead_row) == (0, 0)
+    assert (lead, view(world, row).lead) == (0, 0)
 
 
 def test_driver_does_not_mention_a_light_far_ahead() -> None:
@@ -169,7 +169,7 @@ def test_driver_that_gives_way_at_a_green_light_names_no_light() -> None:
     row = car(world, "w", 180.0, speed=3.0)
     run(world, 4.0)
     seen = view(world, row)
-    assert (seen.stop, seen.rival_row, seen.light) == (Stop.RIGHT_OF_WAY, left_behind, -1)
+    assert (seen.stop, seen.rival, seen.light) == (Stop.RIGHT_OF_WAY, left_behind, -1)
 
 
 def test_question_what_a_driver_does_changes_nothing() -> None:

@@ -142,16 +142,16 @@ class Describe(Component):
         roads, number = context.world.roads, context.egos.unique_id
         fields: dict[str, Any] = {"follows": view.is_following, "stops_for": view.stop.value}
         fields["turn_signal"] = view.signal
-        if view.lead_row >= 0:
-            fields |= {"lead_id": number(view.lead_row), "gap": view.gap}
+        if view.lead >= 0:
+            fields |= {"lead_id": number(view.lead), "gap": view.gap}
         if view.stop is not Stop.NONE:
             fields |= {"stop_distance": view.stop_distance, "stop_link": roads.ids[view.stop_lane]}
         if view.change is not LaneChange.NONE:
             fields |= {"changes_lane": view.change.name.lower(), "is_changing": view.is_changing}
         if view.light >= 0:
             fields["light"] = context.world.signals.plan.lights[view.light].name
-        if view.rival_row >= 0:
-            fields |= {"gives_way": True, "gives_way_to": number(view.rival_row)}
+        if view.rival >= 0:
+            fields |= {"gives_way": True, "gives_way_to": number(view.rival)}
         return fields
 
     def _text(self, row: int, behaviour: str, view: DriverView | None) -> str:
@@ -172,7 +172,7 @@ class Describe(Component):
             light = world.signals.plan.lights[view.light].name if view.light >= 0 else "?"
             parts.append(f"stops for light {light} in {view.stop_distance:.0f} m")
         elif view.stop is Stop.RIGHT_OF_WAY:
-            rival = f" to {self._noun(view.rival_row)}" if view.rival_row >= 0 else ""
+            rival = f" to {self._noun(view.rival)}" if view.rival >= 0 else ""
             parts.append(f"gives way{rival} in {view.stop_distance:.0f} m")
         elif view.stop is Stop.NO_ROOM:
             parts.append("waits for room behind the intersection")
@@ -182,10 +182,10 @@ class Describe(Component):
             side = _SIDES[view.signal - 1]
             verb = "changes" if view.is_changing else "wants to change"
             parts.append(f"{verb} to the lane to the {side} {_CHANGES[view.change]}")
-        if view.is_following and view.lead_row >= 0:
-            what = self._noun(view.lead_row)
-            is_walker = world.kind[view.lead_row] == Kind.PEDESTRIAN
-            verb = "stops for" if is_walker else "follows" if world.speed[view.lead_row] != 0.0 else "queues behind"
+        if view.is_following and view.lead >= 0:
+            what = self._noun(view.lead)
+            is_walker = world.kind[view.lead] == Kind.PEDESTRIAN
+            verb = "stops for" if is_walker else "follows" if world.speed[view.lead] != 0.0 else "queues behind"
             parts.append(f"{verb} {what}, {max(view.gap, 0.0):.1f} m ahead")
         return ", ".join(parts)
 

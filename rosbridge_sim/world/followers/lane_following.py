@@ -30,10 +30,10 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import asdict
 from rosbridge_sim.world.drivers.driver_model import CREEP, accelerate
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
-from rosbridge_sim.world.drivers.driver_perception import Stop, observe, perceive
+from rosbridge_sim.world.drivers.driver_perception import DriverSight, Stop, observe, perceive
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.drivers.lane_position import enter_next_legs, headings_ahead, set_legs
 from rosbridge_sim.world.drivers.lane_swing import are_straight, find_long, find_swinging, plan_swings
@@ -151,48 +151,28 @@ def view_driver(world: WorldRows, row: int) -> DriverView | None:
     others, rows, num_driving = followers.others(lambda: drivers)
     which = int((followers.rows == row).nonzero()[0][0])
     sight = observe(followers.conflicts, world.signals.may_enter, drivers, others, num_driving, which=which)
-    all_rows = np.concatenate([followers.rows, rows])
+    rows = np.concatenate([followers.rows, rows, [-1]])  # the last one is that of none
     light = int(world.signals.plan.light_of_lane[sight.stop_lane]) if sight.stop is Stop.LIGHT else -1
     return DriverView(
-        lead_row=int(all_rows[sight.lead]) if sight.lead >= 0 else -1,
-        gap=sight.gap,
-        is_following=sight.is_following,
-        stop=sight.stop,
-        stop_distance=sight.stop_distance,
-        stop_lane=sight.stop_lane,
+        **asdict(sight) | {"lead": rows.item(sight.lead), "rival": rows.item(sight.rival)},
         light=light,
-        rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
         change=LaneChange(int(world.change[row])),
         signal=int(find_turn_signals(world, np.array([row]))[0]),
         is_changing=bool(world.leaving[row] > 0),
     )
 
 
-class DriverView(Record):
-    """Action of a driver on lanes, with its reasons. A row is -1 if there is none.
+class DriverView(DriverSight):
+    """Action of a driver on lanes, with its reasons: what it perceives, where `lead` and `rival` are rows of the world.
 
     Attributes:
-        lead_row: of the entity ahead, within sight.
-        gap: to its tail [m]; inf for none.
-        is_following: the driver is slower because of it.
-        stop: what it stops for, other than the entity ahead.
-        stop_distance: from the front bumper to the place [m]; inf for none.
-        stop_lane: the lane that it may not enter; of a dead end, the lane that ends.
-        light: row of the light that forbids it.
-        rival_row: of an entity that has the right of way.
+        light: row of the light that forbids it to go on; -1 for none.
         change: why it changes lanes, or wants to.
         signal: its turn signal: 0 none, 1 left, 2 right.
         is_changing: it moves over to the other lane.
     """
 
-    lead_row: int
-    gap: float
-    is_following: bool
-    stop: Stop
-    stop_distance: float
-    stop_lane: int
     light: int
-    rival_row: int
     change: LaneChange = LaneChange.NONE
     signal: int = 0
     is_changing: bool = False

@@ -202,7 +202,7 @@ def test_driver_that_gives_way_to_an_ego_in_the_crossing_says_so() -> None:
     run(world, 0.6)
     seen = view_driver(world, row)
     assert seen is not None
-    assert (seen.stop, seen.rival_row) == (Stop.RIGHT_OF_WAY, row + 1)
+    assert (seen.stop, seen.rival) == (Stop.RIGHT_OF_WAY, row + 1)
 
 
 def test_vehicle_avoids_a_crossing_in_which_something_stands() -> None:

@@ -293,11 +293,11 @@ def test_driver_below_the_bridge_does_not_see_a_car_on_it() -> None:
     keep_lane(world, driver, world.roads.row("F2"), 55.0)
     view = view_driver(world, driver)
     assert view is not None
-    assert (view.lead_row, view.gap) == (-1, math.inf)
+    assert (view.lead, view.gap) == (-1, math.inf)
     blocked = thing(world, Kind.VEHICLE, CAR, -1.75, 0.0, 0.0)
     view = view_driver(world, driver)
     assert view is not None
-    assert view.lead_row == blocked
+    assert view.lead == blocked
 
 
 def test_time_to_collision_counts_a_car_ahead_on_a_slope() -> None:
