@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.state.placement import set_speed
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
@@ -21,6 +20,7 @@ from scripts.bench import traffic as compare
 from scripts.bench import traffic_cases
 from scripts.bench.sumo_network import Network, convert
 from scripts.soak import traffic, traffic_cells
+from tests.world.road_factory import keep_lane
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from rosbridge_sim.shell.kernels.backend import start_kernels
 from rosbridge_sim.simulator.scene.load import FoundMap
 from rosbridge_sim.simulator.sim_services.traffic_demand import COUNT_INTERVAL
 from rosbridge_sim.world.demand import stand_at_ends
-from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
@@ -281,7 +281,7 @@ class Worlds(SteppedWorlds):
         row = one.world.row(uid)
         one.world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
         if lane is not None:
-            keep_lane(one.world, row, lane, s)
+            keep_lanes(one.world, [LaneStart(row, lane, s)])
         self._set.settle()
         return uid
 

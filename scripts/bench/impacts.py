@@ -20,7 +20,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.scenarios.catalogue import DEFAULT_EGO
-from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Dynamics, Kind, Mode, World
@@ -68,7 +68,7 @@ def drive(case: Case) -> dict[str, Any]:
     body = DEFAULT_EGO.body
     ego = world.row(world.spawn(Kind.EGO, body, name="ego", x=x, y=y, yaw=yaw, speed=case.speed))
     other = world.row(world.spawn(Kind.VEHICLE, body, name="other", x=0.0, y=0.0, speed=case.other))
-    keep_lane(world, other, 0, 100.0, desired_speed=case.other)
+    keep_lanes(world, [LaneStart(other, 0, 100.0, desired_speed=case.other)])
     rows = [ego, other]
     names = ("x", "y", "yaw", "speed", "lateral_speed", "yaw_rate")
     found: dict[str, list[Any]] = {name: [] for name in names}

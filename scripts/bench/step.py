@@ -38,7 +38,7 @@ from scripts.bench.reference import reference_line
 # isort: split
 from rosbridge_sim.records import replace
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -147,7 +147,7 @@ def town(num: int) -> World:
     rng.shuffle(places)
     for lane, s in places[:num]:
         uid = world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0, speed=5.0)
-        keep_lane(world, world.row(uid), int(lane), float(s))
+        keep_lanes(world, [LaneStart(world.row(uid), int(lane), float(s))])
     for _ in range(1000):  # until some stand at lights and others move
         step(world)
     return world

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 
-__all__ = ["CAR", "MAPS", "arc", "built_in", "car", "crossing", "ego", "line", "make", "road", "signalled"]
+__all__ = ["CAR", "MAPS", "arc", "built_in", "car", "crossing", "ego", "keep_lane", "line", "make", "road", "signalled"]
 
 CAR = Body()
 MAPS = Path(__file__).resolve().parents[2] / "rosbridge_sim" / "data" / "maps"
@@ -46,6 +48,11 @@ def make(**lanes: tuple[FloatArray, str] | tuple[FloatArray, str, float]) -> Roa
         [3.5] * len(names),
         [lane[2] if len(lane) > 2 else 15.0 for lane in lanes.values()],
     )
+
+
+def keep_lane(world: World, row: int, lane: int, s: float, *, route: Sequence[int] = (), **options: Any) -> None:  # noqa: ANN401 - those of LaneStart
+    """Put one vehicle onto a lane."""
+    keep_lanes(world, [LaneStart(row, lane, s, route=tuple(route), **options)])
 
 
 def road(length: float = 1000.0, limit: float = 15.0) -> Roads:

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.commands import command
@@ -15,7 +14,7 @@ from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.placement import show_ghosts, teleport
 from rosbridge_sim.world.state.world import Kind, Mode, World
 from rosbridge_sim.world.step import step
-from tests.world.road_factory import CAR, car, crossing, road
+from tests.world.road_factory import CAR, car, crossing, keep_lane, road
 
 
 def test_point_of_a_lane_follower_is_one_of_its_lane() -> None:

@@ -7,13 +7,12 @@ import math
 import pytest
 
 from rosbridge_sim.world.drivers.driver_model import STOP_GAP
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import Body, Kind, World
 from tests.world.drivers.test_claims_one_by_one import one_crossing
 from tests.world.lane_drives import NOSE, lane_of, run, to_line, world_of
-from tests.world.road_factory import CAR, car, crossing, ego, line, make, road, signalled
+from tests.world.road_factory import CAR, car, crossing, ego, keep_lane, line, make, road, signalled
 
 pytestmark = pytest.mark.usefixtures("loops")
 

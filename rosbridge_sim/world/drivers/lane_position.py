@@ -38,38 +38,9 @@ _LEGS: Final = ("leg_start", "leg_dz")
 
 
 class LaneStart(Record):
-    """A vehicle that begins to follow lanes; see the arguments of `keep_lane`."""
+    """A vehicle that begins to follow lanes.
 
-    row: int
-    lane: int
-    s: float
-    desired_speed: float = math.inf
-    route: tuple[int, ...] = ()
-    is_loop: bool = False
-    changes_lanes: bool = True
-    lateral: float = 0.0
-    wander: float = 0.0
-    start_within: float = 0.0
-
-
-def keep_lane(
-    world: World,
-    row: int,
-    lane: int,
-    s: float,
-    *,
-    desired_speed: float = math.inf,
-    route: Sequence[int] = (),
-    is_loop: bool = False,
-    changes_lanes: bool = True,
-    lateral: float = 0.0,
-    wander: float = 0.0,
-    start_within: float = 0.0,
-) -> None:
-    """Put a vehicle onto a lane and have it follow the lanes from there, at first with the speed that it has.
-
-    Args:
-        world: written in place.
+    Attributes:
         row: row of a VEHICLE.
         lane: row of a lane.
         s: arc length on the lane, held within it [m].
@@ -83,24 +54,32 @@ def keep_lane(
             `lateral` of its own does not wander.
         start_within: the vehicle stands until an EGO is this near, then it starts with the speed that it has now [m]; 0
             for at once.
-
-    Raises:
-        ValueError: the row is no vehicle, there is no such lane, `desired_speed`, `s`, `lateral`, `wander` or
-            `start_within` is not a number within bounds, or the route does not lead along lanes. Nothing has changed.
     """
-    start = LaneStart(row, lane, s, desired_speed, tuple(route), is_loop, changes_lanes, lateral, wander, start_within)
-    keep_lanes(world, [start])
+
+    row: int
+    lane: int
+    s: float
+    desired_speed: float = math.inf
+    route: tuple[int, ...] = ()
+    is_loop: bool = False
+    changes_lanes: bool = True
+    lateral: float = 0.0
+    wander: float = 0.0
+    start_within: float = 0.0
 
 
 def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
-    """Put many vehicles onto lanes at once, each as `keep_lane` does, in a third of the time.
+    """Put vehicles onto lanes and have them follow the lanes from there, at first with the speeds that they have.
+
+    Many at once take a third of the time.
 
     Args:
         world: written in place.
         starts: different rows of VEHICLEs.
 
     Raises:
-        ValueError: one of them is not as `keep_lane` has it. Nothing has changed.
+        ValueError: a row is no vehicle, there is no such lane, `desired_speed`, `s`, `lateral`, `wander` or
+            `start_within` is not a number within bounds, or a route does not lead along lanes. Nothing has changed.
     """
     if not starts:
         return
@@ -197,8 +176,8 @@ def join_lane(world: WorldRows, row: int, lane: int, s: float, *, desired_speed:
         row: row of a VEHICLE or an EGO.
         lane: row of a lane.
         s: arc length on the lane [m].
-        desired_speed: see `keep_lane` [m/s].
-        is_loop: see `keep_lane`.
+        desired_speed: see `LaneStart` [m/s].
+        is_loop: see `LaneStart`.
     """
     join_lanes(
         world,

@@ -16,7 +16,6 @@ from rosbridge_sim.world.drivers.lane_position import (
     find_ahead,
     headings,
     headings_ahead,
-    keep_lane,
     keep_lanes,
     leave_lane,
     set_legs,
@@ -27,7 +26,7 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Kind, World
 from tests.world.lane_drives import lane_of, run, world_of
-from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, make, ring, road
+from tests.world.road_factory import CAR, built_in, car, crossing, ego, keep_lane, line, make, ring, road
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers import lane_swing
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.drivers.lane_swing import are_straight, find_long, find_swinging, plan_swings
 from rosbridge_sim.world.followers.lane_following import DECISION
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -14,7 +13,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, world_of
-from tests.world.road_factory import CAR, arc, car, line, make
+from tests.world.road_factory import CAR, arc, car, keep_lane, line, make
 
 pytestmark = pytest.mark.usefixtures("loops")
 

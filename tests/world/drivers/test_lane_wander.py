@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER, LaneWander, aims_at
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.saved_world import from_plain, to_plain
@@ -15,7 +14,7 @@ from rosbridge_sim.world.state.chance import bell, salt_of
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, lane_of, world_of
-from tests.world.road_factory import CAR, ego, road
+from tests.world.road_factory import CAR, ego, keep_lane, road
 from tests.world.wide_roads import wide_road
 
 pytestmark = pytest.mark.usefixtures("loops")

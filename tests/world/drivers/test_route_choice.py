@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import lane_of, world_of
-from tests.world.road_factory import CAR, arc, car, line, make, ring
+from tests.world.road_factory import CAR, arc, car, keep_lane, line, make, ring
 from tests.world.wide_roads import wide_ring
 
 pytestmark = pytest.mark.usefixtures("loops")

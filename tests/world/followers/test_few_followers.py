@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers import driver_model, driver_perception
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers import lane_following
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 from rosbridge_sim.world.step import step
-from tests.world.road_factory import built_in
+from tests.world.road_factory import built_in, keep_lane
 
 
 def town_of(num: int) -> World:

@@ -7,7 +7,6 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_model import accelerate
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.followers.other_entities import find_passed_first
 from rosbridge_sim.world.followers.self_driving import start_self_driving
@@ -17,7 +16,7 @@ from rosbridge_sim.world.state.world import Gear, Kind
 from tests.world.drivers.random_drivers import situation
 from tests.world.lane_changes.test_looks_one_by_one import Scene
 from tests.world.lane_drives import world_of
-from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, road
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, keep_lane, line, make, road
 
 
 @pytest.fixture(scope="module")

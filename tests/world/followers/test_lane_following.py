@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.drivers.driver_model import Perception, firm_stop
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import perceive
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.followers.lane_following import DECISION, LANE_LOOPS
 from rosbridge_sim.world.geometry.planar import BoolArray
@@ -25,7 +24,20 @@ from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.mutations import examples
 from tests.world.lane_drives import BUS, NOSE, lane_of, run, to_line, world_of
-from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, ring, road, signalled
+from tests.world.road_factory import (
+    CAR,
+    arc,
+    built_in,
+    car,
+    crossing,
+    ego,
+    keep_lane,
+    line,
+    make,
+    ring,
+    road,
+    signalled,
+)
 from tests.world.traffic_observers import RedRuns
 
 pytestmark = pytest.mark.usefixtures("loops")

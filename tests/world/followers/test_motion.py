@@ -11,7 +11,6 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.motion import SPAN, motion
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -20,7 +19,7 @@ from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, telepo
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import world_of
-from tests.world.road_factory import CAR, arc, built_in, car, line, make, signalled
+from tests.world.road_factory import CAR, arc, built_in, car, keep_lane, line, make, signalled
 
 pytestmark = pytest.mark.usefixtures("loops")
 

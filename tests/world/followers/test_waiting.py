@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import view_driver
 from rosbridge_sim.world.followers.waiting import start
 from rosbridge_sim.world.state.commands import command
@@ -17,7 +16,7 @@ from rosbridge_sim.world.state.world import Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import car as lane_car
-from tests.world.road_factory import crossing, road
+from tests.world.road_factory import crossing, keep_lane, road
 
 pytestmark = pytest.mark.usefixtures("loops")
 

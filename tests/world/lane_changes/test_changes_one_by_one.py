@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.driver_perception import perceive
-from rosbridge_sim.world.drivers.lane_position import headings, keep_lane
+from rosbridge_sim.world.drivers.lane_position import headings
 from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
@@ -18,7 +18,7 @@ from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT, LaneNeighbour
 from rosbridge_sim.world.state.world import Body, Kind, World
 from tests.world.lane_changes.test_looks_one_by_one import Scene
 from tests.world.lane_drives import BUS, world_of
-from tests.world.road_factory import CAR, car, ego
+from tests.world.road_factory import CAR, car, ego, keep_lane
 from tests.world.wide_roads import wide_ring, wide_road
 
 FRAME = 5_000

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import DECISION, view_driver
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
@@ -16,7 +15,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, lane_of, run, world_of
-from tests.world.road_factory import CAR, built_in, car, ego, line, make
+from tests.world.road_factory import CAR, built_in, car, ego, keep_lane, line, make
 from tests.world.wide_roads import wide_ring, wide_road
 
 pytestmark = pytest.mark.usefixtures("loops")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.driver_perception import perceive
-from rosbridge_sim.world.drivers.lane_position import keep_lane, set_legs
+from rosbridge_sim.world.drivers.lane_position import set_legs
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -25,7 +25,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import Kind, World
 from tests.world.lane_drives import BUS, world_of
-from tests.world.road_factory import CAR, car, ego, line
+from tests.world.road_factory import CAR, car, ego, keep_lane, line
 
 FRAME: Final = 10_000
 CAR_LENGTH: Final = 4.5

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -13,7 +12,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS
-from tests.world.road_factory import CAR, line, make
+from tests.world.road_factory import CAR, keep_lane, line, make
 
 MAN = Body.box(0.45, 0.55, 1.7)
 NUM_FRAMES = 60

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import view_driver
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.roads import Roads
@@ -19,7 +18,7 @@ from rosbridge_sim.world.state.placement import place_ghost, teleport
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
-from tests.world.road_factory import CAR, built_in, line, make
+from tests.world.road_factory import CAR, built_in, keep_lane, line, make
 
 pytestmark = pytest.mark.usefixtures("loops")
 
