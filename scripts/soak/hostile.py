@@ -117,9 +117,10 @@ class Attacker:
         tail = b""
         with suppress(ConnectionError):
             while data := await reader.read(MB):
-                if DONE in tail + data:
+                tail += data
+                if DONE in tail:
                     self._heard.set()
-                tail = data[-len(DONE) :]
+                tail = tail[-len(DONE) :]
         self._heard.set()
 
 
