@@ -270,18 +270,23 @@ class COperators:
 
 
 def write_rule(rule: Callable[..., Any]) -> str:
-    """Return a rule as a function in C, which writes its results to an array.
+    """Return a rule as a function in C, which returns its number, or writes several to an array.
 
     Args:
         rule: gets operators and numbers; returns a number or several.
     """
     script = Script(len(signature(rule).parameters) - 1)
     found = rule(COperators(script), *script.given)
-    results = found if isinstance(found, Sequence) else (found,)
-    arguments = ", ".join(f"D {term.name}" for term in script.given)
-    lines = [f"D {line};" for line in script.lines[1:]] + [f"o[{i}] = {term.name};" for i, term in enumerate(results)]
+    name, arguments = getattr(rule, "__name__", ""), ", ".join(f"D {term.name}" for term in script.given)
+    lines = [f"D {line};" for line in script.lines[1:]]
+    if isinstance(found, Sequence):
+        head = f"void {name}(D *o, {arguments})"
+        lines += [f"o[{i}] = {term.name};" for i, term in enumerate(found)]
+    else:
+        head = f"D {name}({arguments})"
+        lines.append(f"return {found.name};")
     body = "".join(f"  {line}\n" for line in lines)
-    return f"static inline void {getattr(rule, '__name__', '')}(D *o, {arguments}) {{\n{body}}}\n"
+    return f"static inline {head} {{\n{body}}}\n"
 
 
 def write_source(files: Sequence[str]) -> str:

@@ -19,15 +19,9 @@ struct Look {
 
 _Static_assert(sizeof(Look) <= 8 * LOOK_WORDS, "a look needs more room");
 
-static inline D follow_as_mean(D speed, D desired, D gap, D lead_speed) {
-  D chosen;
-  mean_follow(&chosen, speed, desired, gap, lead_speed);
-  return chosen;
-}
-
 /* Has a driver brake at least as the mean driver would behind another one, but not harder than `hardest`. */
 static void brake_behind(K *k, I i, D speed, D gap, D lead_speed, D hardest) {
-  D brakes = follow_as_mean(speed, k->desired_now[i], gap, lead_speed);
+  D brakes = mean_follow(speed, k->desired_now[i], gap, lead_speed);
   k->wanted[i] = least(k->wanted[i], most(brakes, -hardest));
 }
 
@@ -58,8 +52,8 @@ static D find_entry(const K *k, I i, const Look *look, int minds_joins) {
 /* LaneLook._cost */
 static D cost(const K *k, I i, I follower, D speed, D gap, D own_speed, D beyond, D lead_speed) {
   D desired = follower >= 0 ? k->desired_now[follower] : most(speed, 1.0);
-  D without = follow_as_mean(speed, desired, gap + k->body_length[i] + beyond, lead_speed);
-  return most(follow_as_mean(speed, desired, gap, own_speed), -HARDEST) - most(without, -HARDEST);
+  D without = mean_follow(speed, desired, gap + k->body_length[i] + beyond, lead_speed);
+  return most(mean_follow(speed, desired, gap, own_speed), -HARDEST) - most(without, -HARDEST);
 }
 
 /* The last entry on lanes that lead here, so many lanes behind. */
@@ -98,15 +92,15 @@ static void find_lead(const K *k, const I *lanes, D s, I position, D *gap, D *sp
 /* lane_change_model.find_safe */
 static int is_safe(D speed, D gap, D lead_speed, D gap_behind, D speed_behind) {
   return gap > MIN_GAP + MIN_HEADWAY * speed && gap_behind > MIN_GAP + MIN_HEADWAY * speed_behind &&
-         follow_as_mean(speed, most(speed, 1.0), gap, lead_speed) > -SAFE_BRAKING &&
-         follow_as_mean(speed_behind, most(speed_behind, 1.0), gap_behind, speed) > -SAFE_BRAKING;
+         mean_follow(speed, most(speed, 1.0), gap, lead_speed) > -SAFE_BRAKING &&
+         mean_follow(speed_behind, most(speed_behind, 1.0), gap_behind, speed) > -SAFE_BRAKING;
 }
 
 /* What a change is worth: the model MOBIL. */
 static D find_worth(const K *k, I i, const Look *look, I side, I lane, const Option *option, D speed_behind) {
   D speed = look->speed, desired = k->desired_now[i], others = 0.0, gain = 0.0;
-  D worth = follow_as_mean(speed, desired, option->gap, option->lead_speed) -
-            follow_as_mean(speed, desired, k->gap[i], k->lead_speed[i]);
+  D worth = mean_follow(speed, desired, option->gap, option->lead_speed) -
+            mean_follow(speed, desired, k->gap[i], k->lead_speed[i]);
   if (isfinite(option->gap_behind))
     others = cost(k, i, option->follower, speed_behind, option->gap_behind, speed, option->gap, option->lead_speed);
   I own = look->lanes[0], position = k->q_position[i], before = most_of(position - 1, 0), old = k->q_source[before];
@@ -189,12 +183,11 @@ static void find_must(const K *k, I i, Look *look) {
 
 /* LaneLook._excess */
 static D find_excess(const K *k, I i, const Look *look) {
-  D s, share, factor, speed = look->speed;
+  D s, share, speed = look->speed;
   I lane = cross(k, look->side, look->lanes[0], look->arc, &s), lanes[NUM_LANES];
   if (lane < 0) return 0.0;
   preview(k, i, lane, lanes);
-  lateral_left(&factor, k->most_lateral[i], k->own_lateral[i], look->time, LANE_WIDTH);
-  factor = factor / MAX_LATERAL;
+  D factor = lateral_left(k->most_lateral[i], k->own_lateral[i], look->time, LANE_WIDTH) / MAX_LATERAL;
   const D *at = k->speeds_ahead + 7 * locate(k, lane, s, &share);
   D reach = speed * (FORESIGHT + k->reaction[i]) + TURNS_AHEAD, distance = k->length[lane] - s;
   D square = factor * (at[5] + at[6] * (s - at[0]));
@@ -244,7 +237,7 @@ static void look_beside(K *k, I i, Look *look) {
   I r = k->rows[i];
   for (I j = 0; j < NUM_LANES; j++) look->lanes[j] = LANE(r, j);
   look->arc = k->arc[r], look->speed = k->speed[r], look->is_clear = 0;
-  shift_time(&look->time, k->change_time[i], look->speed);
+  look->time = shift_time(k->change_time[i], look->speed);
   look->run = find_run(k, look->lanes, look->arc);
   D reach = most(BLOCKED_WAY, BLOCKED_TIME * look->speed);
   int leaves_join = k->gap[i] < reach && k->lead_speed[i] < STANDS && k->join[look->lanes[0]] >= 0;
@@ -270,9 +263,9 @@ static void leave_room(K *k, I i) {
 static void change_lane(K *k, I i, I r) {
   int leaves = k->leaving[r] > 0;
   if (!leaves && k->change[r] < ROUTE) return;
-  D time, s, across = leaves ? fabs(k->lateral_to[r] - k->lateral_from[r]) : LANE_WIDTH;
-  shift_time(&time, k->change_time[i], k->speed[r]);
-  lateral_left(&k->lateral_now[i], k->most_lateral[i], k->own_lateral[i], time, across);
+  D s, across = leaves ? fabs(k->lateral_to[r] - k->lateral_from[r]) : LANE_WIDTH;
+  D time = shift_time(k->change_time[i], k->speed[r]);
+  k->lateral_now[i] = lateral_left(k->most_lateral[i], k->own_lateral[i], time, across);
   D off = k->body_length[i] > HEAVY_LENGTH ? OFF_OLD_LANE_LONG : OFF_OLD_LANE;
   if (!leaves || !(fabs(k->lateral[r] - k->lateral_to[r]) > off)) return;
   I lane = cross(k, k->leaving[r] - 1, k->lane[r], k->arc[r], &s), j = k->num_leaving;
@@ -306,14 +299,11 @@ static int looks_closely(D gap, D lead_speed, int is_tight) { return is_tight ||
 
 /* lane_change_passing.find_blocked, for one that does not look closely: whether it is. */
 static int is_in_the_way(const K *k, I i, D across, D done, D gap, D lead_speed, D speed) {
-  D way, time, side;
   speed = most(speed, CREEP);
   D closing = speed - lead_speed, driven = closing > 0.0 ? most(gap, 0.0) * speed / closing : INFINITY;
-  shift_length(&way, k->body_length[i], across);
-  shift_time(&time, k->change_time[i], speed);
-  way = most(way, time * speed);
+  D way = most(shift_length(k->body_length[i], across), shift_time(k->change_time[i], speed) * speed);
   D part = least(done + driven / way, 1.0);
-  side_in_shift(&side, across, 0.0, way, part, k->nose[i], k->half_width[k->rows[i]]);
+  D side = side_in_shift(across, 0.0, way, part, k->nose[i], k->half_width[k->rows[i]]);
   return !(side > CORRIDOR) && !isinf(gap);
 }
 

@@ -98,7 +98,7 @@ static void plan_wander(K *k) {
 /* lane_change_motion.plan_shifts for one driver, whose angle numpy will make of north and east. */
 static void plan_shift(K *k, I j) {
   I i = k->shifting[j], r = k->rows[i];
-  D left = k->lateral_left[r], distance = k->distance[i], time, way, place[2];
+  D left = k->lateral_left[r], distance = k->distance[i], place[2];
   k->north[j] = 0.0, k->east[j] = 1.0;
   if (left <= 0.0) {
     k->lateral[r] = k->lateral_from[r] = k->lateral_to[r];
@@ -106,9 +106,9 @@ static void plan_shift(K *k, I j) {
     return;
   }
   D across = fabs(k->lateral_to[r] - k->lateral_from[r]) + fabs(k->lateral_push[r]), half = 0.5 * k->body_length[i];
-  if (k->lateral_bend[r] != 0.0) tight_length(&way, k->wheelbase[i], half, across);
-  else shift_length(&way, k->body_length[i], across);
-  shift_time(&time, k->change_time[i], k->speed[r]);
+  int is_tight = k->lateral_bend[r] != 0.0;
+  D way = is_tight ? tight_length(k->wheelbase[i], half, across) : shift_length(k->body_length[i], across);
+  D time = shift_time(k->change_time[i], k->speed[r]);
   D part = least(least(INTERVAL / time, distance / most(way, 1.0)), left), p = 1.0 - (left - part);
   place_in_shift(place, k->lateral_from[r], k->lateral_to[r], k->lateral_push[r], k->lateral_bend[r], p);
   k->north[j] = place[1] * part, k->east[j] = most(distance, SHORTEST);

@@ -65,7 +65,7 @@ static void request(K *k, I i, I r, I lane, I exit_lane, D distance) {
 /* The look of driver i along its lanes. Its lead vehicle is at a position in the queue, num_entries for none. */
 static void look_along(K *k, I i) {
   I r = k->rows[i], lane = k->lane[r], lead = k->q_position[i] + 1;
-  D speed = k->speed[r], nose = k->nose[i], f[6], allowed, needed;
+  D speed = k->speed[r], nose = k->nose[i], f[6];
   const D *at = k->speeds_ahead + 7 * k->point[r];
   if (k->q_lane[lead] != lane) lead = k->num_entries;
   D gap = k->q_tail[lead] - k->arc[r] - nose, stops = INFINITY, distance = k->length[lane] - k->arc[r];
@@ -81,12 +81,9 @@ static void look_along(K *k, I i) {
     D to_line = distance - nose;
     lane = LANE(r, part);
     if (lane < 0) { stops = least(stops, to_line); break; }
-    if (!k->may_enter[lane] && to_line > 0.0) {
-      firm_stop(&needed, speed, k->accel[r], k->reaction[i]);
-      if (to_line > needed) {
-        stops = least(stops, to_line);
-        if (k->claim[r] == lane) k->claim[r] = -1;
-      }
+    if (!k->may_enter[lane] && to_line > 0.0 && to_line > firm_stop(speed, k->accel[r], k->reaction[i])) {
+      stops = least(stops, to_line);
+      if (k->claim[r] == lane) k->claim[r] = -1;
     }
     to_wait = to_line + k->wait_point[lane];
     int may_ask = part > held_at && to_wait < INFINITY && stops == INFINITY && !asks;
@@ -95,7 +92,7 @@ static void look_along(K *k, I i) {
       request(k, i, r, lane, part + 1 < NUM_LANES ? LANE(r, part + 1) : -1, to_wait);
     }
     at = k->speeds_ahead + 7 * k->first[lane];
-    slow_down(&allowed, distance, reach, k->comfort[i], f[2], f[3], f[4], at[1], at[2], at[4], at[5]);
+    D allowed = slow_down(distance, reach, k->comfort[i], f[2], f[3], f[4], at[1], at[2], at[4], at[5]);
     square = least(square, allowed);
     if (gap == INFINITY) {
       lead = k->q_first[lane];
@@ -112,18 +109,15 @@ static void look_along(K *k, I i) {
 /* The acceleration that driver i chooses: driver_model.accelerate, with the vehicle ahead of its lead vehicle. */
 static D choose_accel(const K *k, I i) {
   I lead = k->lead_at[i], next = lead + 1;
-  D speed = k->speed[k->rows[i]], a = k->own_accel[i], b = k->comfort[i], t = k->headway[i], chosen, other;
-  drive_free(&chosen, speed, k->desired[i], k->safe_speed[i], a);
-  if (k->stop_distance[i] < INFINITY) stop(&chosen, chosen, speed, k->stop_distance[i]);
-  if (k->gap[i] < INFINITY) {
-    follow(&other, speed, k->gap[i], k->lead_speed[i], k->lead_accel[i], a, b, t);
-    chosen = least(chosen, other);
-  }
+  D speed = k->speed[k->rows[i]], a = k->own_accel[i], b = k->comfort[i], t = k->headway[i];
+  D chosen = drive_free(speed, k->desired[i], k->safe_speed[i], a);
+  if (k->stop_distance[i] < INFINITY) chosen = stop(chosen, speed, k->stop_distance[i]);
+  if (k->gap[i] < INFINITY)
+    chosen = least(chosen, follow(speed, k->gap[i], k->lead_speed[i], k->lead_accel[i], a, b, t));
   if (lead < k->num_entries && k->q_lane[next] == k->q_lane[lead] &&
       (speed - k->q_speed[next] > MUCH_SLOWER || (k->lead[i] >= 0 && k->is_leaving[k->lead[i]]))) {
     D gap = k->gap[i] + k->q_tail[next] - k->q_tail[lead];
-    follow(&other, speed, gap, k->q_speed[next], k->q_accel[next], a, b, t);
-    chosen = least(chosen, other);
+    chosen = least(chosen, follow(speed, gap, k->q_speed[next], k->q_accel[next], a, b, t));
   }
   return most(chosen, -HARDEST);
 }

@@ -63,7 +63,7 @@ def test_user_without_a_home_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_source_has_constants_and_rules_of_the_package() -> None:
     source = read_source()
     assert "#define HARDEST 8.0\n" in source
-    assert "static inline void mean_follow(D *o, D a0, D a1, D a2, D a3)" in source
+    assert "static inline D mean_follow(D a0, D a1, D a2, D a3)" in source
 
 
 @pytest.mark.parametrize("command", ["no-such-compiler", "false"])
