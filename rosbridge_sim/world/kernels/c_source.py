@@ -51,7 +51,7 @@ OF_ROADS: Final[Mapping[str, str]] = {
     "D": "length legs_per_metre s leg_end_of chain base points curve border turn",
     "I": "first last_leg segment_of_point first_successor successor scale_of_lane",
 }
-OF_SEGMENTS: Final[Mapping[str, str]] = {"D": "start direction angle height slope length", "I": "lane point"}
+OF_SEGMENTS: Final[Mapping[str, str]] = {"D": "angle height slope length", "V": "start direction", "I": "lane point"}
 OF_CONFLICTS: Final[Mapping[str, str]] = {
     "D": "wait_point clear_point shared speeds_ahead legs",
     "B": "gives_way rival_passes rival_right",
@@ -71,12 +71,13 @@ _MORE: Final[Mapping[str, str]] = {
     # Figures of drivers, and of those that wander; entries of others
     " nose rear body_length wheelbase speed_factor desired headway own_accel comfort own_lateral reaction politeness"
     " change_time most_lateral response half_room rates phases width other_s other_tail other_speed other_accel"
-    # Edges that count, stop lines, boxes of segments, what is kept of cells; distances ahead of egos and the places
-    # there; what a step hands over, and what is worked out for each ego
-    " edges_from edges_to edge_reach lines block_low block_high block_away kept_cost ahead points_ahead poses"
-    " before_accel across"
+    # Edges that count, what is kept of cells, distances ahead of egos; what a step hands over, and what is worked out
+    # for each ego
+    " edges_from edges_to edge_reach block_away kept_cost ahead poses before_accel across"
     # Pairs of boxes, by row or by body in order of ids; those who walk, and their crossings; cars, by row of numbers
     " now seen rate margin reach unit_x unit_y side_of stop_from start end segments kept args found",
+    # Stop lines, boxes of segments, places ahead of egos
+    "V": "lines block_low block_high points_ahead",
     "I": "onward_first onward_other sibling_first sibling_other rival_first rival_other before_first before_other light"
     " bounds rows let_in_later route_length route_first route wandering other_lane"
     " controller left_lane right_lane block_first block_size cells cell_segment used straight_on"
@@ -111,9 +112,13 @@ FOR_EGOS: Final[Mapping[str, str]] = {
 FOR_OTHERS: Final[Mapping[str, str]] = {"D": "away turn_by turn_cosine turn_sine", "I": "nearest_rows"}
 """Room for the nearest entities of egos: squared distances of one ego, and turns and rows."""
 
-FOR_PEOPLE: Final[Mapping[str, str]] = {"D": "arc nearest wish slower", "I": "next asks crossing", "B": "goes"}
-FOR_PLACES: Final[Mapping[str, str]] = {"D": "goal course"}
-"""Room for what is worked out for each of those who walk; complex numbers in the last table."""
+FOR_PEOPLE: Final[Mapping[str, str]] = {
+    "D": "arc nearest wish slower",
+    "V": "goal course",
+    "I": "next asks crossing",
+    "B": "goes",
+}
+"""Room for what is worked out for each of those who walk."""
 
 NUMBERS: Final = [
     *("n", "stride", "num_lanes", "num_in_map", "num_points", "num_others", "num_leaving", "num_moving"),
@@ -121,7 +126,7 @@ NUMBERS: Final = [
     *("num_shifting", "is_possible", "has_route", "is_any", "has_passes", "has_long_legs", "scale_ticks"),
     *("num_rows", "num_worlds", "num_before", "num_curved", "num_lines", "is_flat", "has_across"),
     *("num_blocks", "cell_room", "num_ahead", "num_seen", "num_keys"),
-    *("num_bodies", "is_small", "num_heads", "most_pairs", "num_pairs", "num_near", "num_wide", "num_visited"),
+    *("is_small", "num_heads", "most_pairs", "num_pairs", "num_near", "num_wide", "num_visited"),
 ]
 """Whole numbers of the structure."""
 
@@ -129,7 +134,7 @@ _TABLES: Final = (
     {"D": " ".join(FLOATS), "I": " ".join(INTS), "B": " ".join(BOOLS)},
     *(OF_ROADS, {kind: f"segment_{names.replace(' ', ' segment_')}" for kind, names in OF_SEGMENTS.items()}),
     *(OF_CONFLICTS, OF_NEIGHBOURS, OF_JOINS, _MORE, FOR_DRIVERS, FOR_QUEUE, FOR_LANES),
-    *(FOR_EGOS, FOR_OTHERS, FOR_PEOPLE, FOR_PLACES),
+    *(FOR_EGOS, FOR_OTHERS, FOR_PEOPLE),
 )
 ARRAYS: Final = {name: kind for table in _TABLES for kind, names in table.items() for name in names.split()}
 """All arrays, with the type of their numbers in C. The columns of the world are first, in the order of its blocks."""

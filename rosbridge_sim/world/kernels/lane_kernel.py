@@ -53,15 +53,10 @@ class LaneKernel:
         followers, fields = self._followers, self._fields
         roads, conflicts, neighbours = followers.roads, followers.conflicts, followers.changes.neighbours
         straight_end, straight_yaw = roads.derived(find_straights)
-        links = {
-            "onward": conflicts.onward,
-            "sibling": conflicts.siblings,
-            "rival": conflicts.rivals,
-            "before": neighbours.before,
-        }
-        for name, link in links.items():
-            parts = {f"{name}_first": link.first, f"{name}_other": link.other, f"{name}_figure": link.figure}
-            fields.take(**{part: array for part, array in parts.items() if part in c_source.ARRAYS})
+        fields.copy(conflicts.onward, "first other", "onward_")
+        fields.copy(conflicts.siblings, "first other figure", "sibling_")
+        fields.copy(conflicts.rivals, "first other figure", "rival_")
+        fields.copy(neighbours.before, "first other", "before_")
         fields.copy(roads, c_source.OF_ROADS)
         fields.copy(conflicts, c_source.OF_CONFLICTS)
         fields.copy(neighbours, c_source.OF_NEIGHBOURS)
@@ -88,34 +83,16 @@ class LaneKernel:
         fields.take_columns(world)
         is_ego = np.zeros(followers.num, dtype=bool)
         is_ego[followers.egos.index] = True
-        for name in ("speed_factor", "headway", "comfort", "reaction", "politeness", "change_time", "most_lateral"):
-            fields.take(**{name: getattr(parameters, name)})
-        for name in ("nose", "rear", "wheelbase", "response", "rows", "uid", "let_in_later"):
-            fields.take(**{name: getattr(followers, name)})
-        fields.take(
-            body_length=followers.length,
-            desired=parameters.desired_speed,
-            own_accel=parameters.accel,
-            own_lateral=parameters.lateral,
-            may_change=followers.changes.may,
-            is_ego=is_ego,
-            is_loop=choice.is_loop,
-            route=choice.route,
-            route_length=choice.length,
-            route_first=choice.first,
-            salt=choice.salt,
-            wandering=wander.which,
-            half_room=wander.half_width,
-            rates=wander.rates,
-            phases=wander.phases,
-            width=wander.width,
-        )
-        fields["is_possible"] = followers.changes.is_possible
-        fields["n"], fields["has_route"], fields["num_wandering"] = (
-            followers.num,
-            len(choice.route) > 0,
-            len(wander.which),
-        )
+        fields.copy(followers, "nose rear wheelbase response rows uid let_in_later")
+        fields.copy(parameters, "speed_factor headway comfort reaction politeness change_time most_lateral")
+        fields.copy(parameters, "accel lateral", "own_")
+        fields.copy(choice, "is_loop route salt")
+        fields.copy(choice, "first length", "route_")
+        fields.copy(wander, "rates phases width")
+        fields.take(body_length=followers.length, desired=parameters.desired_speed, is_ego=is_ego)
+        fields.take(may_change=followers.changes.may, wandering=wander.which, half_room=wander.half_width)
+        fields["n"], fields["is_possible"] = followers.num, followers.changes.is_possible
+        fields["has_route"], fields["num_wandering"] = len(choice.route) > 0, len(wander.which)
         fields["stride"] = world.int_block("behind", "ahead_5").strides[0] // 8
 
     # -- decisions

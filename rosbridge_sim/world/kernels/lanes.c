@@ -7,6 +7,11 @@ static inline D most(D a, D b) { return b > a ? b : a; }
 static inline I least_of(I a, I b) { return b < a ? b : a; }
 static inline I most_of(I a, I b) { return b > a ? b : a; }
 
+static inline V minus(V a, V b) { return (V){a.x - b.x, a.y - b.y}; }
+
+/* Seen from a unit vector: the part of a vector along it and the part across it, to the left. */
+static inline V seen_from(V unit, V v) { return (V){v.x * unit.x + v.y * unit.y, v.y * unit.x - v.x * unit.y}; }
+
 /* planar.wrap_angle */
 static inline D wrap(D angle) {
   if (fabs(angle) < PI || angle == PI) return angle + 0.0;
@@ -58,15 +63,15 @@ static inline D bend_slope(const K *k, I point, D along, D length) {
 static inline int is_straight(const K *k, I point) { return k->curve[2 * point] == 0.0 && k->curve[2 * point + 1] == 0.0; }
 
 /* Roads.places, of a place on a lane. */
-static void find_place(const K *k, I lane, D s, D *x, D *y) {
+static V find_place(const K *k, I lane, D s) {
   D share;
   I point = locate(k, lane, s, &share);
   const D *here = k->points + 3 * point;
   D east = here[3] - here[0], north = here[4] - here[1], length = k->segment_length[k->segment_of_point[point]];
-  *x = here[0] + share * east, *y = here[1] + share * north;
-  if (is_straight(k, point)) return;
+  V place = {here[0] + share * east, here[1] + share * north};
+  if (is_straight(k, point)) return place;
   D aside = bend_aside(k, point, share * length, length) / length;
-  *x -= aside * north, *y += aside * east;
+  return (V){place.x - aside * north, place.y + aside * east};
 }
 
 /* LaneNeighbours.cross: the lane beside a place, -1 for none, and the place on it. */

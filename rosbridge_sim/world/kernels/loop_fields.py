@@ -12,7 +12,7 @@ from rosbridge_sim.world.kernels.c_source import NUMBERS, PLACE_OF, names_in
 from rosbridge_sim.world.state.entity_arrays import FLOATS, INTS
 from rosbridge_sim.world.state.world_rows import WorldRows
 
-_TYPES: Final = {"D": np.float64, "I": np.int64, "B": np.bool_}
+_TYPES: Final = {"D": np.float64, "I": np.int64, "B": np.bool_, "V": np.complex128}
 
 
 class CompiledLoops(Protocol):

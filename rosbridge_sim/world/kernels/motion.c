@@ -13,10 +13,10 @@ static inline D on_chords(const K *k, I r, D distance) {
 }
 
 /* A place on the lanes of a driver, which may be beyond the end of the first one. */
-static void find_ahead(const K *k, I r, D s, D *x, D *y) {
+static V find_ahead(const K *k, I r, D s) {
   I lane = k->lane[r];
   for (I j = 1; j < NUM_LANES && s > k->length[lane] && LANE(r, j) >= 0; j++) s -= k->length[lane], lane = LANE(r, j);
-  find_place(k, lane, s, x, y);
+  return find_place(k, lane, s);
 }
 
 /* New accelerations, with their lag but for egos. */
@@ -48,11 +48,10 @@ EXPORT I look_at_headings(K *k) {
     D speed = k->speed[r], accel = k->accel[r];
     D time = speed + accel * INTERVAL < 0.0 ? speed / most(-accel, CREEP) : INTERVAL;
     k->distance[i] = time * (speed + 0.5 * accel * time), k->heading[i] = k->straight_yaw[k->point[r]];
-    D rear = k->arc[r] + on_chords(k, r, k->distance[i]), front = rear + k->wheelbase[i], x, y, nose_x, nose_y;
+    D rear = k->arc[r] + on_chords(k, r, k->distance[i]), front = rear + k->wheelbase[i];
     if (k->distance[i] <= 0.0 || front <= k->straight_end[k->point[r]]) continue;
-    find_ahead(k, r, rear, &x, &y);
-    find_ahead(k, r, front, &nose_x, &nose_y);
-    k->east[num] = nose_x - x, k->north[num] = nose_y - y, k->at[num++] = i;
+    V axles = minus(find_ahead(k, r, front), find_ahead(k, r, rear));
+    k->east[num] = axles.x, k->north[num] = axles.y, k->at[num++] = i;
   }
   return num;
 }

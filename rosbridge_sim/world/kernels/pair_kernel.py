@@ -45,8 +45,8 @@ class PairKernel:
         fields.take(unit_x=np.empty_like(self._yaw), unit_y=np.empty_like(self._yaw))
         fields.take(head=np.empty(1 << (2 * num).bit_length(), np.int64), wide=np.empty(num + 1, np.int64))
         fields.take(box=np.empty((num + 1, BOX_WORDS)))
-        fields["n"], fields["stride"], fields["is_small"] = world.n, now.strides[0] // 8, is_small
-        fields["num_bodies"], fields["num_heads"] = num, len(fields.arrays["head"])
+        fields["n"], fields["num_rows"], fields["stride"] = num, world.n, now.strides[0] // 8
+        fields["is_small"], fields["num_heads"] = is_small, len(fields.arrays["head"])
         self._make_room(4 * num)
 
     def _make_room(self, num: int) -> None:

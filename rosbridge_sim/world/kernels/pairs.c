@@ -1,8 +1,8 @@
 /* Pairs of boxes that may touch: loops for collisions.py, near_pairs.py and planar.py. They decide which steps numpy
    judges, and never what touches: where a last digit could matter, they say that a pair may. */
 
-enum { X, Y, YAW };
-#define POSE(t, c, r) (k->poses[(5 * (t) + (c)) * k->n + (r)])
+enum { X, Y, YAW, SPEED };
+#define POSE(t, c, r) (k->poses[(5 * (t) + (c)) * k->num_rows + (r)])
 
 /* A pair of the list: the poses when it was judged last, and the distance that it had then; 0 for none. */
 struct Pair {
@@ -16,12 +16,6 @@ struct Box {
   I column, line, next, is_wide;
 };
 _Static_assert(sizeof(Pair) == 8 * PAIR_WORDS && sizeof(Box) == 8 * BOX_WORDS, "room in pair_kernel.py");
-
-/* Seen from a unit vector: the part of a vector along it and the part across it, to the left. */
-static inline V seen_from(V unit, V v) {
-  return (V){v.x * unit.x + v.y * unit.y, v.y * unit.x - v.x * unit.y};
-}
-static inline V minus(V a, V b) { return (V){a.x - b.x, a.y - b.y}; }
 
 /* planar._octagon; lengths and widths: of the one box, then of the other. */
 static void find_octagon(const V *heading, const D *half, D *reach) {
@@ -105,9 +99,9 @@ static int is_astray(K *k) {
   int found = 0;
   for (I t = 0; t < 2; t++)
     for (I c = X; c <= YAW; c++)
-      for (I r = 0; r < k->n; r++) {
-        I at = c * k->n + r;
-        D seen = k->seen[3 * t * k->n + at] += k->rate[at], drift = fabs(POSE(t, c, r) - seen);
+      for (I r = 0; r < k->num_rows; r++) {
+        I at = c * k->num_rows + r;
+        D seen = k->seen[3 * t * k->num_rows + at] += k->rate[at], drift = fabs(POSE(t, c, r) - seen);
         if (drift > k->margin[at]) found |= c < YAW || FULL_TURN - drift > k->margin[at];
       }
   return found;
@@ -116,30 +110,30 @@ static int is_astray(K *k) {
 /* Takes the poses as the step has ended. Returns 0 if nothing touches, 1 if something may, 2 if the list has ended. */
 EXPORT I watch_pairs(K *k, I is_due) {
   for (I c = 0; c < 5; c++)
-    for (I r = 0; r < k->n; r++) POSE(1, c, r) = k->now[c * k->stride + r];
+    for (I r = 0; r < k->num_rows; r++) POSE(1, c, r) = k->now[c * k->stride + r];
   return is_astray(k) || is_due ? 2 : judge_list(k);
 }
 
 /* CollisionDetector._look_around: what is foreseen, and the boxes from the beginning of this step on. */
 static void foresee_bodies(K *k) {
   for (I t = 0; t < 2; t++)
-    for (I at = 0; at < 3 * k->n; at++) k->seen[3 * t * k->n + at] = k->poses[5 * t * k->n + at];
-  for (I r = 0; r < k->n; r++) {
+    for (I at = 0; at < 3 * k->num_rows; at++) k->seen[3 * t * k->num_rows + at] = k->poses[5 * t * k->num_rows + at];
+  for (I r = 0; r < k->num_rows; r++) {
     D *rate = &k->rate[r], *margin = &k->margin[r];
     D x = POSE(1, X, r) - POSE(0, X, r), y = POSE(1, Y, r) - POSE(0, Y, r);
     D turn = fabs(wrap(POSE(1, YAW, r) - POSE(0, YAW, r)));
     D stray = MARGIN + 0.5 * LIFE * LIFE * most(fabs(x), fabs(y)) * turn;
-    rate[0] = x, rate[k->n] = y, rate[2 * k->n] = 0.0;
-    margin[0] = margin[k->n] = stray, margin[2 * k->n] = TURN_MARGIN / k->reach[r] + LIFE * turn;
+    rate[0] = x, rate[k->num_rows] = y, rate[2 * k->num_rows] = 0.0;
+    margin[0] = margin[k->num_rows] = stray, margin[2 * k->num_rows] = TURN_MARGIN / k->reach[r] + LIFE * turn;
   }
-  for (I i = 0; i < k->num_bodies; i++) {
+  for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
     Box *box = &k->box[i];
-    V slide = {k->rate[r], k->rate[k->n + r]}, unit = box->heading = (V){k->unit_x[r], k->unit_y[r]};
+    V slide = {k->rate[r], k->rate[k->num_rows + r]}, unit = box->heading = (V){k->unit_x[r], k->unit_y[r]};
     V middle = {unit.x * k->centre[r] + POSE(1, X, r), unit.y * k->centre[r] + POSE(1, Y, r)};
     D cosine = fabs(unit.x), sine = fabs(unit.y);
     box->half[0] = k->half_length[r], box->half[1] = k->half_width[r];
-    box->extra = sqrt(2.0) * k->margin[r] + k->margin[2 * k->n + r] * k->reach[r];
+    box->extra = sqrt(2.0) * k->margin[r] + k->margin[2 * k->num_rows + r] * k->reach[r];
     box->first = minus(middle, slide);
     box->last = (V){middle.x + LIFE * slide.x, middle.y + LIFE * slide.y};
     box->middle = (V){0.5 * (box->first.x + box->last.x), 0.5 * (box->first.y + box->last.y)};
@@ -151,7 +145,7 @@ static void foresee_bodies(K *k) {
 /* near_pairs.find_near_pairs: those that are larger than usual. */
 static void find_wide(K *k) {
   D largest[MAX_WIDE + 1] = {0.0};
-  for (I i = 0; i < k->num_bodies; i++) {
+  for (I i = 0; i < k->n; i++) {
     D size = most(k->box[i].span.x, k->box[i].span.y);
     for (I j = 0; j <= MAX_WIDE; j++)
       if (size > largest[j]) {
@@ -160,7 +154,7 @@ static void find_wide(K *k) {
       }
   }
   k->num_wide = 0;
-  for (I i = 0; i < k->num_bodies; i++) {
+  for (I i = 0; i < k->n; i++) {
     k->box[i].is_wide = most(k->box[i].span.x, k->box[i].span.y) > MUCH * largest[MAX_WIDE];
     if (k->box[i].is_wide) k->wide[k->num_wide++] = i;
   }
@@ -174,10 +168,10 @@ static I *find_head(K *k, I column, I line) {
 /* Puts all that are not wide into cells, the last one first. Returns whether there is a cell for each. */
 static int fill_cells(K *k) {
   V side = {1.0, 1.0};
-  for (I i = 0; i < k->num_bodies; i++)
+  for (I i = 0; i < k->n; i++)
     if (!k->box[i].is_wide) side.x = most(side.x, k->box[i].span.x), side.y = most(side.y, k->box[i].span.y);
   for (I j = 0; j < k->num_heads; j++) k->head[j] = -1;
-  for (I i = k->num_bodies - 1; i >= 0; i--) {
+  for (I i = k->n - 1; i >= 0; i--) {
     Box *box = &k->box[i];
     D column = floor(box->middle.x / (2.0 * side.x)), line = floor(box->middle.y / (2.0 * side.y));
     if (!(fabs(column) < FAR_CELL && fabs(line) < FAR_CELL)) return 0;
@@ -213,7 +207,7 @@ static I find_partners(K *k, I i) {
   const Box *box = &k->box[i];
   I num = 0;
   if (k->is_small || box->is_wide) {
-    for (I j = i + 1; j < k->num_bodies && k->world[j] == k->world[i]; j++) add_if_near(k, i, j);
+    for (I j = i + 1; j < k->n && k->world[j] == k->world[i]; j++) add_if_near(k, i, j);
     return 0;
   }
   for (I w = 0; w < k->num_wide; w++)
@@ -233,11 +227,11 @@ EXPORT I list_pairs(K *k) {
     find_wide(k);
     if (!fill_cells(k)) return -1;
   }
-  I num_compared = 0, most_compared = most_of(MAX_BOX_PAIRS, PAIRS_EACH * k->num_bodies);
-  for (I i = 0; i < k->num_bodies; i++) {
+  I num_compared = 0, most_compared = most_of(MAX_BOX_PAIRS, PAIRS_EACH * k->n);
+  for (I i = 0; i < k->n; i++) {
     num_compared += find_partners(k, i);
     if (k->is_small) continue;
-    if (num_compared > most_compared || k->num_near > most_of(MAX_NEAR, NEAR_EACH * k->num_bodies)) return -1;
+    if (num_compared > most_compared || k->num_near > most_of(MAX_NEAR, NEAR_EACH * k->n)) return -1;
     if (k->num_visited > MAX_VISITS * most_compared) return -1; /* somebody has chosen places of one head */
   }
   for (I m = 0; m < least_of(k->num_pairs, k->most_pairs); m++)

@@ -28,9 +28,9 @@ static void look_on(K *k, I i, D arc) {
   const D *leg = find_leg(k, i, ahead), *here = find_leg(k, i, arc);
   D along = ahead - leg[LEG_START];
   k->arc[i] = arc;
-  k->goal[2 * i] = leg[LEG_X] + along * leg[LEG_DX] + side * leg[LEG_DY];
-  k->goal[2 * i + 1] = leg[LEG_Y] + along * leg[LEG_DY] - side * leg[LEG_DX];
-  k->course[2 * i] = here[LEG_DX] + 0.0, k->course[2 * i + 1] = here[LEG_DY] + 0.0;
+  k->goal[i].x = leg[LEG_X] + along * leg[LEG_DX] + side * leg[LEG_DY];
+  k->goal[i].y = leg[LEG_Y] + along * leg[LEG_DY] - side * leg[LEG_DX];
+  k->course[i] = (V){here[LEG_DX] + 0.0, here[LEG_DY] + 0.0};
 }
 
 /* _People._project and _hold_at_kerb */
@@ -41,7 +41,7 @@ EXPORT void find_places(K *k) {
     int is_over = find_foot(k, i, find_leg(k, i, before), &here, &away);
     find_foot(k, i, find_leg(k, i, path_ahead(k, i, before, LOOK_AHEAD)), &there, &other);
     look_on(k, i, other < away || is_over ? there : here);
-    if (hypot(k->goal[2 * i] - k->x[r], k->goal[2 * i + 1] - k->y[r]) < 0.5 * LOOK_AHEAD)
+    if (hypot(k->goal[i].x - k->x[r], k->goal[i].y - k->y[r]) < 0.5 * LOOK_AHEAD)
       look_on(k, i, path_ahead(k, i, k->arc[i], 0.25 * LOOK_AHEAD));
     D arc = k->arc[i], held = arc;
     for (I c = k->first[i]; c < k->first[i + 1]; c++)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from rosbridge_sim.world.geometry.planar import ComplexArray, FloatArray
-from rosbridge_sim.world.kernels.c_source import FOR_PEOPLE, FOR_PLACES
+from rosbridge_sim.world.kernels.c_source import FOR_PEOPLE
 from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
 from rosbridge_sim.world.people.people import People
 
@@ -25,9 +23,7 @@ class PeopleKernel:
         fields.copy(people, "path_length stop_from start end rows first is_loop")
         fields.take(side_of=people.side, path_base=people.base)
         fields.make(FOR_PEOPLE, people.num)
-        fields.make(FOR_PLACES, 2 * people.num)
         fields["n"] = people.num
-        self._goal, self._course = (fields.arrays[name].view(np.complex128) for name in ("goal", "course"))
 
     def find_places(self) -> tuple[FloatArray, ComplexArray, ComplexArray]:
         """See `People.find_places`."""
@@ -35,7 +31,8 @@ class PeopleKernel:
         self._fields.take(segments=paths.segments, keys=paths.keys)
         self._fields["num_keys"] = paths.num
         self._do.find_places(self._fields.address)
-        return self._fields.arrays["arc"], self._goal, self._course
+        arrays = self._fields.arrays
+        return arrays["arc"], arrays["goal"], arrays["course"]
 
     def mind_kerbs(self, _arc: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `People.mind_kerbs`."""

@@ -1,78 +1,61 @@
 /* Scores of egos: loops for scoring.py, segment_cells.py, ground.py and time_to_collision.py. */
 
-#define POSE_OF(when, line) (k->poses[(5 * (when) + (line)) * k->num_rows + r])
-
 typedef struct { I segment; D along, lateral, distance; } Foot;
 
-static inline Foot foot_on(const K *k, I segment, D x, D y, D *beyond) {
-  D east = x - k->segment_start[2 * segment], north = y - k->segment_start[2 * segment + 1];
-  D along_x = k->segment_direction[2 * segment], along_y = k->segment_direction[2 * segment + 1];
-  D full = east * along_x + north * along_y;
-  Foot foot = {segment, least(most(full, 0.0), k->segment_length[segment]), north * along_x - east * along_y, 0.0};
-  *beyond = full - foot.along;
-  return foot;
-}
-
 /* LaneSegments.project */
-static inline Foot project(const K *k, I segment, D x, D y) {
-  D beyond;
-  Foot foot = foot_on(k, segment, x, y, &beyond);
-  foot.distance = hypot(beyond, foot.lateral);
-  return foot;
+static inline Foot project(const K *k, I segment, V place) {
+  V seen = seen_from(k->segment_direction[segment], minus(place, k->segment_start[segment]));
+  D along = least(most(seen.x, 0.0), k->segment_length[segment]);
+  return (Foot){segment, along, seen.y, hypot(seen.x - along, seen.y)};
 }
 
-/* The cell with a key, of the key, the first of its segments, and their number; none if it is not known. */
-static const I *find_cell(const K *k, I key) {
-  for (I at = (I)(mix((uint64_t)key) % CELL_PLACES);; at = (at + 1) % CELL_PLACES) {
-    const I *cell = k->cells + CELL_WORDS * at;
-    if (cell[0] == key) return cell;
-    if (!cell[0]) return 0;
-  }
+/* The place of the cell with a key: of the key, the first of its segments, and their number; all 0 for a new one. */
+static I *find_cell(const K *k, I key) {
+  I at = (I)(mix((uint64_t)key) % CELL_PLACES);
+  while (k->cells[CELL_WORDS * at] && k->cells[CELL_WORDS * at] != key) at = (at + 1) % CELL_PLACES;
+  return k->cells + CELL_WORDS * at;
 }
 
 /* Squared distance from a place to the box of a block of segments. */
-static inline D from_block(const K *k, I block, D x, D y) {
-  const D *low = k->block_low + 2 * block, *high = k->block_high + 2 * block;
-  D east = most(most(low[0] - x, x - high[0]), 0.0), north = most(most(low[1] - y, y - high[1]), 0.0);
+static inline D from_block(const K *k, I block, V place) {
+  V below = minus(k->block_low[block], place), above = minus(place, k->block_high[block]);
+  D east = most(most(below.x, above.x), 0.0), north = most(most(below.y, above.y), 0.0);
   return east * east + north * north;
 }
 
 /* The middle of a cell and of its sector of headings. */
-typedef struct { D x, y, z, cos_, sin_; } Middle;
+typedef struct { V place, heading; D z; } Middle;
 
 /* Least and greatest score of a segment anywhere in a cell and its sector; see SegmentCells. Rounding is within MORE. */
 static inline D find_costs(const K *k, const Middle *cell, I segment, D *most_cost) {
   const D reach = CORNER * MORE, cos_half = cos(PI / SECTORS * MORE), sin_half = sin(PI / SECTORS * MORE);
-  D beyond;
-  Foot foot = foot_on(k, segment, cell->x, cell->y, &beyond);
-  D distance = sqrt(beyond * beyond + foot.lateral * foot.lateral);
-  const D *direction = k->segment_direction + 2 * segment;
-  D along = cell->cos_ * direction[0] + cell->sin_ * direction[1];
-  D across = fabs(cell->cos_ * direction[1] - cell->sin_ * direction[0]);
+  V seen = seen_from(k->segment_direction[segment], minus(cell->place, k->segment_start[segment]));
+  D on = least(most(seen.x, 0.0), k->segment_length[segment]), beyond = seen.x - on;
+  D distance = sqrt(beyond * beyond + seen.y * seen.y); /* in less time than hypot: no bit counts here */
+  V direction = seen_from(cell->heading, k->segment_direction[segment]);
+  D along = direction.x, across = fabs(direction.y);
   D with = along > cos_half ? 1.0 : along * cos_half + across * sin_half;
   D against = along < -cos_half ? -1.0 : along * cos_half - across * sin_half;
   D least_cost = most(distance - reach, 0.0) + TURN_COST * (1.0 - with);
   *most_cost = distance + reach + TURN_COST * (1.0 - against);
   if (!k->is_flat) {
     D slope = k->segment_slope[segment], more = (0.5 * CELL_LEVEL + fabs(slope) * reach) * MORE;
-    D rise = fabs(k->segment_height[segment] + foot.along * slope - cell->z);
+    D rise = fabs(k->segment_height[segment] + on * slope - cell->z);
     least_cost += HEIGHT_COST * most(rise - more - SAME_HEIGHT, 0.0);
     *most_cost += HEIGHT_COST * most(rise + more - SAME_HEIGHT, 0.0);
   }
   return least_cost;
 }
 
-/* SegmentCells.look_at and look_around: keep the segments that count in a cell of this key. `sector` is -1 for the lanes around.
-   A bound that is a little greater only keeps more. Returns the cell; none if there is no room left. */
-static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
-  Middle cell = {CELL * ((D)(east - MAX_NUMBER) + 0.5), CELL * ((D)(north - MAX_NUMBER) + 0.5), 0.0, 0.0, 0.0};
+/* SegmentCells.look_at and look_around: keep the segments that count in a new cell. `sector` is -1 for the lanes around.
+   A bound that is a little greater only keeps more. Returns whether there was room for them. */
+static int fill_cell(K *k, I *filled, I east, I north, I level, I sector) {
   D angle = ((D)sector + 0.5) * (FULL_TURN / SECTORS) - PI, reach = CORNER * MORE, bound = INFINITY, most_cost;
-  cell.z = CELL_LEVEL * ((D)(level - MAX_LEVEL) + 0.5);
-  cell.cos_ = cos(angle);
-  cell.sin_ = sin(angle);
+  Middle cell = {.heading = {cos(angle), sin(angle)}, .z = CELL_LEVEL * ((D)(level - MAX_LEVEL) + 0.5)};
+  cell.place = (V){CELL * ((D)(east - MAX_NUMBER) + 0.5), CELL * ((D)(north - MAX_NUMBER) + 0.5)};
   I first = k->used[1], num = 0, nearest = 0;
   for (I block = 0; block < k->num_blocks; block++) {
-    k->block_away[block] = from_block(k, block, cell.x, cell.y);
+    k->block_away[block] = from_block(k, block, cell.place);
     if (k->block_away[block] < k->block_away[nearest]) nearest = block;
   }
   for (I j = 0; j < k->block_size[nearest]; j++) {
@@ -86,7 +69,7 @@ static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
       I segment = k->block_first[block] + j;
       D least_cost = 0.0;
       if (sector < 0) {
-        if (project(k, segment, cell.x, cell.y).distance > far) continue;
+        if (project(k, segment, cell.place).distance > far) continue;
       } else {
         least_cost = find_costs(k, &cell, segment, &most_cost);
         bound = least(bound, most_cost);
@@ -102,22 +85,21 @@ static const I *fill_cell(K *k, I key, I east, I north, I level, I sector) {
     if (!(k->kept_cost[j] > bound * MORE + 1e-9)) k->cell_segment[first + left++] = k->cell_segment[first + j];
   k->used[1] = first + left;
   k->used[0]++;
-  I at = (I)(mix((uint64_t)key) % CELL_PLACES);
-  while (k->cells[CELL_WORDS * at]) at = (at + 1) % CELL_PLACES;
-  I *place = k->cells + CELL_WORDS * at;
-  place[0] = key;
-  place[1] = first;
-  place[2] = left;
-  return place;
+  filled[1] = first;
+  filled[2] = left;
+  return 1;
 }
 
 /* A cell, which is filled if it is new; none if there is no room left. */
-static const I *look_up(K *k, I east, I north, I level, I sector) {
-  I place = east * (2 * MAX_NUMBER) + north;
-  I key = sector < 0 ? AROUND_KEY + place : (place * SECTORS + sector) * (2 * MAX_LEVEL) + level + 1;
-  const I *cell = find_cell(k, key);
-  if (cell || k->used[0] >= MAX_CELLS) return cell;
-  return fill_cell(k, key, east, north, level, sector);
+static const I *look_up(K *k, V place, I level, I sector) {
+  I east = (I)floor(place.x / CELL) + MAX_NUMBER, north = (I)floor(place.y / CELL) + MAX_NUMBER;
+  I number = east * (2 * MAX_NUMBER) + north;
+  I key = sector < 0 ? AROUND_KEY + number : (number * SECTORS + sector) * (2 * MAX_LEVEL) + level + 1;
+  I *cell = find_cell(k, key);
+  if (cell[0] == key) return cell;
+  if (k->used[0] >= MAX_CELLS || !fill_cell(k, cell, east, north, level, sector)) return 0;
+  cell[0] = key;
+  return cell;
 }
 
 /* Roads._places: the place on its lane's line, which leaves its chord in bends; and how far beyond its ends it is. */
@@ -151,10 +133,10 @@ static inline int is_within(const K *k, Foot foot, D z) {
 }
 
 /* ground.are_on_road, for a place in a cell: the nearest segment of each lane counts. */
-static int is_on_road(const K *k, const I *cell, D x, D y, D z) {
+static int is_on_road(const K *k, const I *cell, V place, D z) {
   Foot best = {-1, 0.0, 0.0, 0.0};
   for (I j = 0; j < cell[2]; j++) {
-    Foot foot = project(k, k->cell_segment[cell[1] + j], x, y);
+    Foot foot = project(k, k->cell_segment[cell[1] + j], place);
     if (!(foot.distance <= *k->edge_reach && foot.distance - fabs(foot.lateral) < BESIDE_LANE)) continue;
     int is_next = best.segment >= 0 && k->segment_lane[best.segment] != k->segment_lane[foot.segment];
     if (is_next && is_within(k, best, z)) return 1;
@@ -164,39 +146,36 @@ static int is_on_road(const K *k, const I *cell, D x, D y, D z) {
 }
 
 /* SegmentCells.place: the nearest segment of a cell for a place and a heading. */
-static Foot find_nearest(const K *k, const I *cell, D x, D y, D z, D cos_, D sin_) {
+static Foot find_nearest(const K *k, const I *cell, V place, D z, V heading) {
   Foot best = {-1, 0.0, 0.0, 0.0};
   D least_score = 0.0;
   for (I j = 0; j < cell[2]; j++) {
     I segment = k->cell_segment[cell[1] + j];
-    Foot foot = project(k, segment, x, y);
+    Foot foot = project(k, segment, place);
     D score = foot.distance;
     if (!k->is_flat) {
       D amount = fabs(k->segment_height[segment] + foot.along * k->segment_slope[segment] - z);
       score = score + HEIGHT_COST * most(amount - SAME_HEIGHT, 0.0);
     }
-    const D *direction = k->segment_direction + 2 * segment;
-    score = score + TURN_COST * (1.0 - (cos_ * direction[0] + sin_ * direction[1]));
+    score = score + TURN_COST * (1.0 - seen_from(heading, k->segment_direction[segment]).x);
     if (best.segment < 0 || score < least_score) { best = foot; least_score = score; }
   }
   return best;
 }
 
-static inline int has_cell(const K *k, D x, D y, D z) {
-  return fabs(x) < FARTHEST && fabs(y) < FARTHEST && (k->is_flat || fabs(z) < HIGHEST);
+static inline int has_cell(const K *k, V place, D z) {
+  return fabs(place.x) < FARTHEST && fabs(place.y) < FARTHEST && (k->is_flat || fabs(z) < HIGHEST);
 }
 
-static inline I cell_of(D place) { return (I)floor(place / CELL) + MAX_NUMBER; }
-
 /* Roads.nearest and Roads.beside: the place of entity i on its lane. Returns whether cells had room for it. */
-static int place_on_lane(K *k, I i, D x, D y, D z, D cos_, D sin_) {
+static int place_on_lane(K *k, I i, V place, D z, V heading) {
   /* At an edge of sectors numpy may choose the other one; what is kept of a cell is right for both. */
-  I sector = least_of((I)((atan2(sin_, cos_) + PI) * (SECTORS / FULL_TURN)), SECTORS - 1);
+  I sector = least_of((I)((atan2(heading.y, heading.x) + PI) * (SECTORS / FULL_TURN)), SECTORS - 1);
   I level = k->is_flat ? 0 : (I)floor(z / CELL_LEVEL) + MAX_LEVEL;
-  const I *cell = look_up(k, cell_of(x), cell_of(y), level, sector);
+  const I *cell = look_up(k, place, level, sector);
   if (!cell) return 0;
   D height;
-  Foot foot = find_nearest(k, cell, x, y, z, cos_, sin_);
+  Foot foot = find_nearest(k, cell, place, z, heading);
   k->beyond[i] = bend(k, &foot, &k->slope_below[i]);
   find_edges(k, &foot, &k->to_left[i], &k->to_right[i], &height);
   k->num_curved += k->slope_below[i] != 0.0;
@@ -215,10 +194,16 @@ static inline int is_between_edges(const K *k, I i, D most_beyond) {
 EXPORT void list_headings(K *k) {
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
-    k->angle[i] = POSE_OF(0, 2);
-    k->angle[k->n + i] = POSE_OF(1, 2);
+    k->angle[i] = POSE(0, YAW, r);
+    k->angle[k->n + i] = POSE(1, YAW, r);
     k->angle[2 * k->n + i] = k->yaw[r];
   }
+}
+
+/* A place ahead of ego i as the step began or ended. */
+static inline V place_at(const K *k, I t, I i, D ahead) {
+  I r = k->rows[i], at = t * k->n + i;
+  return (V){POSE(t, X, r) + ahead * k->cosine[at], POSE(t, Y, r) + ahead * k->sine[at]};
 }
 
 /* The lanes below the middles of the boxes. Returns 0, NO_ROOM or WITH_ARRAYS. */
@@ -227,51 +212,53 @@ static I find_lanes_below(K *k) {
   k->num_curved = 0;
   for (I i = 0; i < num; i++) {
     I r = k->rows[i];
-    D x = POSE_OF(1, 0) + k->centre[r] * k->cosine[num + i], y = POSE_OF(1, 1) + k->centre[r] * k->sine[num + i];
-    if (!has_cell(k, x, y, k->z[r])) return WITH_ARRAYS;
-    if (!place_on_lane(k, i, x, y, k->z[r], k->cosine[2 * num + i], k->sine[2 * num + i])) return NO_ROOM;
+    V heading = {k->cosine[2 * num + i], k->sine[2 * num + i]}, place = place_at(k, 1, i, k->centre[r]);
+    if (!has_cell(k, place, k->z[r])) return WITH_ARRAYS;
+    if (!place_on_lane(k, i, place, k->z[r], heading)) return NO_ROOM;
     k->is_on[i] = (B)is_between_edges(k, i, BESIDE_END);
     if (k->is_on[i]) continue;
-    const I *cell = look_up(k, cell_of(x), cell_of(y), 0, -1);
+    const I *cell = look_up(k, place, 0, -1);
     if (!cell) return NO_ROOM;
-    k->is_on[i] = (B)is_on_road(k, cell, x, y, k->z[r]);
+    k->is_on[i] = (B)is_on_road(k, cell, place, k->z[r]);
   }
   return 0;
 }
 
 /* A place at an arc length from the start of a lane, beyond whose end the lanes straight on follow. */
-static void find_point(const K *k, I lane, D s, D *x, D *y) {
+static V find_point(const K *k, I lane, D s) {
   for (I j = 0; j < LANES_AHEAD && s > k->length[lane] && k->straight_on[lane] >= 0; j++) {
     s -= k->length[lane];
     lane = k->straight_on[lane];
   }
-  find_place(k, lane, s, x, y);
+  return find_place(k, lane, s);
 }
 
 /* surroundings.find_lanes, of rows whose headings are in `cosine` and `sine`; returns what `find_lanes_below` does. */
 EXPORT I look_at_lanes(K *k) {
   k->num_curved = 0;
   for (I i = 0; i < k->n; i++) {
-    D x = k->x[k->rows[i]], y = k->y[k->rows[i]], z = k->z[k->rows[i]], cos_ = k->cosine[i], sin_ = k->sine[i];
-    if (!has_cell(k, x, y, z)) return WITH_ARRAYS;
-    if (!place_on_lane(k, i, x, y, z, cos_, sin_)) return NO_ROOM;
+    I r = k->rows[i];
+    V place = {k->x[r], k->y[r]}, heading = {k->cosine[i], k->sine[i]};
+    if (!has_cell(k, place, k->z[r])) return WITH_ARRAYS;
+    if (!place_on_lane(k, i, place, k->z[r], heading)) return NO_ROOM;
     k->is_on[i] = (B)is_between_edges(k, i, 1.0);
     for (I j = 0; j < k->num_ahead; j++) {
-      D east, north, *ahead = k->points_ahead + 2 * (k->num_ahead * i + j);
-      find_point(k, k->lane_below[i], k->s_below[i] + k->ahead[j], &east, &north);
-      east -= x;
-      north -= y;
-      ahead[0] = east * cos_ + north * sin_;
-      ahead[1] = north * cos_ - east * sin_;
+      V point = find_point(k, k->lane_below[i], k->s_below[i] + k->ahead[j]);
+      k->points_ahead[k->num_ahead * i + j] = seen_from(heading, minus(point, place));
     }
   }
   return 0;
 }
 
-/* The middle of the box of a row, seen from a place; headings of all rows are in `cosine` and `sine`. */
-static inline V middle_from(const K *k, I r, D x, D y) {
-  V found = {k->x[r] + k->centre[r] * k->cosine[r] - x, k->y[r] + k->centre[r] * k->sine[r] - y};
-  return found;
+/* The middle of the box of a row with a heading. */
+static inline V middle_of(const K *k, I r, V heading) {
+  return (V){k->x[r] + k->centre[r] * heading.x, k->y[r] + k->centre[r] * heading.y};
+}
+
+/* The way to the middle of the box of another row; headings of all rows are in `cosine` and `sine`. */
+static inline V way_to(const K *k, I r, I other) {
+  V heading = {k->cosine[other], k->sine[other]}, place = {k->x[r], k->y[r]};
+  return minus(middle_of(k, other, heading), place);
 }
 
 /* surroundings.find_others: the nearest entities of egos, the nearest first, -1 for none, and by what they are turned. Returns 0;
@@ -282,8 +269,8 @@ EXPORT I find_others(K *k) {
     D *turn_by = k->turn_by + k->num_seen * i;
     for (I other = r % k->num_worlds; other < k->num_rows; other += k->num_worlds) {
       if (!k->alive[other] || other == r) continue;
-      V place = middle_from(k, other, k->x[r], k->y[r]);
-      D away = place.x * place.x + place.y * place.y;
+      V way = way_to(k, r, other);
+      D away = way.x * way.x + way.y * way.y;
       I at = found;
       while (at && away < k->away[at - 1]) at--;
       if (at && away == k->away[at - 1]) return WITH_ARRAYS;
@@ -308,13 +295,13 @@ EXPORT I find_others(K *k) {
 EXPORT void describe_others(K *k) {
   for (I at = 0; at < k->n * k->num_seen; at++) {
     I r = k->rows[at / k->num_seen], other = k->nearest_rows[at];
-    D *seen = k->seen + NUM_FIGURES * at, cos_ = k->cosine[r], sin_ = k->sine[r];
+    D *seen = k->seen + NUM_FIGURES * at;
     for (int j = 0; j < NUM_FIGURES; j++) seen[j] = 0.0;
     if (other < 0) continue;
-    V place = middle_from(k, other, k->x[r], k->y[r]);
+    V place = seen_from((V){k->cosine[r], k->sine[r]}, way_to(k, r, other));
     seen[0] = 1.0;
-    seen[1] = place.x * cos_ + place.y * sin_;
-    seen[2] = place.y * cos_ - place.x * sin_;
+    seen[1] = place.x;
+    seen[2] = place.y;
     seen[5] = k->turn_cosine[at];
     seen[6] = k->turn_sine[at];
     seen[3] = k->speed[other] * seen[5] - k->lateral_speed[other] * seen[6] - k->speed[r];
@@ -325,15 +312,19 @@ EXPORT void describe_others(K *k) {
 }
 
 /* A box that slides straight: its middle and its velocity, with sines of this library, for a rough answer. */
-typedef struct { D x, y, cos_, sin_, east, north; } Sliding;
+typedef struct { V heading, middle, velocity; } Sliding;
 
 static Sliding slide(const K *k, I r) {
-  Sliding box = {0.0, 0.0, cos(k->yaw[r]), sin(k->yaw[r]), 0.0, 0.0};
-  box.x = k->x[r] + k->centre[r] * box.cos_;
-  box.y = k->y[r] + k->centre[r] * box.sin_;
-  box.east = k->speed[r] * box.cos_ - k->lateral_speed[r] * box.sin_;
-  box.north = k->speed[r] * box.sin_ + k->lateral_speed[r] * box.cos_;
-  return box;
+  V unit = {cos(k->yaw[r]), sin(k->yaw[r])};
+  D ahead = k->speed[r], aside = k->lateral_speed[r];
+  V velocity = {ahead * unit.x - aside * unit.y, ahead * unit.y + aside * unit.x};
+  return (Sliding){unit, middle_of(k, r, unit), velocity};
+}
+
+/* How far from its place a box may be within a little more than the horizon. */
+static inline D reach_of(const K *k, I r) {
+  D fast = fabs(k->speed[r]) + fabs(k->lateral_speed[r]);
+  return k->half_length[r] + k->half_width[r] + fabs(k->centre[r]) + (HORIZON + TOLERANCE) * fast;
 }
 
 /* Cut the time in which a place is within a strip out of a time; whether something is left. */
@@ -347,22 +338,17 @@ static inline int cut(D place, D speed, D strip, D *enters, D *leaves) {
 
 /* Whether boxes a little larger than those of two rows touch within a little more than the horizon. */
 static int may_meet(const K *k, I one, I other, const Sliding *own) {
-  D wide = k->half_length[one] + k->half_width[one] + k->half_length[other] + k->half_width[other] + TOLERANCE;
-  wide += fabs(k->centre[one]) + fabs(k->centre[other]);
-  D fast = fabs(k->speed[one]) + fabs(k->lateral_speed[one]) + fabs(k->speed[other]) + fabs(k->lateral_speed[other]);
-  wide += (HORIZON + TOLERANCE) * fast;
-  if (fabs(k->x[other] - k->x[one]) > wide || fabs(k->y[other] - k->y[one]) > wide) return 0;
+  D near = reach_of(k, one) + reach_of(k, other) + TOLERANCE, enters = 0.0, leaves = HORIZON + TOLERANCE, reach[4];
+  if (fabs(k->x[other] - k->x[one]) > near || fabs(k->y[other] - k->y[one]) > near) return 0;
   Sliding box = slide(k, other);
-  D x = box.x - own->x, y = box.y - own->y, east = box.east - own->east, north = box.north - own->north;
-  D cos_ = fabs(own->cos_ * box.cos_ + own->sin_ * box.sin_), sin_ = fabs(own->cos_ * box.sin_ - own->sin_ * box.cos_);
-  D enters = 0.0, leaves = HORIZON + TOLERANCE;
-  for (int j = 0; j < 2; j++) {
-    I mine = j ? other : one, its = j ? one : other;
-    D ahead_x = j ? box.cos_ : own->cos_, ahead_y = j ? box.sin_ : own->sin_;
-    D along = k->half_length[mine] + k->half_length[its] * cos_ + k->half_width[its] * sin_ + TOLERANCE;
-    D across = k->half_width[mine] + k->half_length[its] * sin_ + k->half_width[its] * cos_ + TOLERANCE;
-    if (!cut(x * ahead_x + y * ahead_y, east * ahead_x + north * ahead_y, along, &enters, &leaves)) return 0;
-    if (!cut(y * ahead_x - x * ahead_y, north * ahead_x - east * ahead_y, across, &enters, &leaves)) return 0;
+  V apart = minus(box.middle, own->middle), nearer = minus(box.velocity, own->velocity);
+  V heading[2] = {own->heading, box.heading};
+  D half[4] = {k->half_length[one], k->half_width[one], k->half_length[other], k->half_width[other]};
+  find_octagon(heading, half, reach);
+  for (I i = 0; i < 2; i++) {
+    V place = seen_from(heading[i], apart), speed = seen_from(heading[i], nearer);
+    if (!cut(place.x, speed.x, reach[2 * i] + TOLERANCE, &enters, &leaves)) return 0;
+    if (!cut(place.y, speed.y, reach[2 * i + 1] + TOLERANCE, &enters, &leaves)) return 0;
   }
   return 1;
 }
@@ -389,7 +375,7 @@ static I find_meetings(K *k) {
 static void judge_motion(K *k, I i) {
   I r = k->rows[i];
   k->score_frames[r] += 1;
-  k->score_distance[r] += fabs(POSE_OF(0, 3) + POSE_OF(1, 3)) * (0.5 * DT);
+  k->score_distance[r] += fabs(POSE(0, SPEED, r) + POSE(1, SPEED, r)) * (0.5 * DT);
   int is_known = r < k->num_before && k->before_uid[r] == k->uid[r];
   D jerk = is_known ? (k->accel[r] - k->before_accel[r]) / DT : 0.0, lateral = k->lateral_accel[r];
   k->jerk[r] = jerk;
@@ -436,15 +422,11 @@ static void judge_lane(K *k, I i) {
 static int may_pass(const K *k, I i) {
   I r = k->rows[i];
   D reach = k->half_length[r] + k->centre[r];
-  D x = POSE_OF(0, 0) + reach * k->cosine[i], y = POSE_OF(0, 1) + reach * k->sine[i];
-  D new_x = POSE_OF(1, 0) + reach * k->cosine[k->n + i], new_y = POSE_OF(1, 1) + reach * k->sine[k->n + i];
+  V first = place_at(k, 0, i, reach), last = place_at(k, 1, i, reach), way = minus(last, first);
   for (I j = 0; j < k->num_lines; j++) {
-    const D *line = k->lines + 4 * j;
-    if (fabs(new_x - line[0]) > LINE_REACH + fabs(new_x - x)) continue;
-    if (fabs(new_y - line[1]) > LINE_REACH + fabs(new_y - y)) continue;
-    D before = (x - line[0]) * line[2] + (y - line[1]) * line[3];
-    D after = (new_x - line[0]) * line[2] + (new_y - line[1]) * line[3];
-    if (before <= TOLERANCE && after >= -TOLERANCE) return 1;
+    V end = k->lines[2 * j], ahead = k->lines[2 * j + 1], before = minus(first, end), after = minus(last, end);
+    if (fabs(after.x) > LINE_REACH + fabs(way.x) || fabs(after.y) > LINE_REACH + fabs(way.y)) continue;
+    if (seen_from(ahead, before).x <= TOLERANCE && seen_from(ahead, after).x >= -TOLERANCE) return 1;
   }
   return 0;
 }
@@ -454,7 +436,7 @@ static int is_across_known(K *k) {
   int is_known = 1;
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i];
-    D turn = POSE_OF(1, 2) - k->yaw_below[i] - atan(k->slope_below[i]);
+    D turn = POSE(1, YAW, r) - k->yaw_below[i] - atan(k->slope_below[i]);
     k->across[i] = fabs(sin(turn)) * k->half_length[r] + fabs(cos(turn)) * k->half_width[r];
     D left = k->across[i] - k->to_left[i], right = k->across[i] - k->to_right[i];
     is_known &= fabs(left) > NEAR_EDGE && fabs(left + BACK_INSIDE) > NEAR_EDGE;
