@@ -10,8 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import astuple, fields
 from hashlib import blake2b
-from types import SimpleNamespace
-from typing import Any, Final, TypeVar, cast
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -370,14 +369,13 @@ class _Reader:
     def _check_controls(self, floats: FloatArray, ints: IntArray, bools: Any) -> None:  # noqa: ANN401 - of bools
         """Check the columns of egos that follow from gears, modes and commands: equations have no bounds for them."""
         egos = (bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)).nonzero()[0]
-        own = {name: floats[i, egos] for i, name in enumerate(FLOATS)} | {
-            name: ints[INTS.index(name), egos] for name in ("gear", "mode")
-        }
-        arrays = cast("EntityArrays", SimpleNamespace(**own))
+        arrays = EntityArrays(len(egos))
+        arrays.block(FLOATS[0], FLOATS[-1])[:] = floats[:, egos]
+        arrays.int_block(INTS[0], INTS[-1])[:] = ints[:, egos]
         for i in range(len(egos)):
             update_control_columns(arrays, i, is_creeping=self._int("is_creeping", 0, 1) == 1)
         for name in CONTROL_COLUMNS:
-            is_own = own[name] == floats[FLOATS.index(name), egos]
+            is_own = getattr(arrays, name) == floats[FLOATS.index(name), egos]
             _expect(bool(is_own.all()), f"floats.{name}", "figures of gears, modes and commands")
 
     def _paths(self) -> PathsSnapshot:

@@ -23,7 +23,7 @@ from functools import cache, partial
 from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final
 
 from rosbridge_sim.errors import RosbridgeSimError
 from rosbridge_sim.version import __version__
@@ -33,7 +33,7 @@ from rosbridge_sim.world.kernels.c_source import FILES, write_source
 from rosbridge_sim.world.kernels.car_kernel import CarKernel
 from rosbridge_sim.world.kernels.car_source import write_cars
 from rosbridge_sim.world.kernels.lane_kernel import LaneKernel
-from rosbridge_sim.world.kernels.loop_fields import CompiledLoops
+from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopName
 from rosbridge_sim.world.kernels.pair_kernel import PairKernel
 from rosbridge_sim.world.kernels.people_kernel import PeopleKernel
 from rosbridge_sim.world.kernels.score_kernel import ScoreKernel, measures_alike
@@ -171,13 +171,14 @@ def load_library(path: Path) -> CompiledLoops:
                 if info.st_uid != os.getuid() or info.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
                     raise NoKernelsError(f"{each}: expected to be yours and that nobody else may write it; remove it")
         library = ctypes.PyDLL(str(path))  # short calls: they keep the interpreter's lock
+        loops: dict[LoopName, Any] = {}
         for result, name, argument in _EXPORTED.findall(read_source()):
-            function = getattr(library, name)
+            function = loops[name] = getattr(library, name)
             function.restype = _TYPES[result]
             function.argtypes = [ctypes.c_void_p, *([_TYPES[argument]] if argument else [])]
     except (OSError, AttributeError) as error:
         raise NoKernelsError(f"{path}: cannot load it ({error}); remove it, and it is compiled again") from error
-    return cast("CompiledLoops", library)
+    return loops
 
 
 def take_library(path: Path) -> None:

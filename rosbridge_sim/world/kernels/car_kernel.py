@@ -30,10 +30,10 @@ class CarKernel:
         fields.take(now=now, rows=rows, args=args, found=found, kept=np.zeros((stages.num_kept, len(rows))))
         fields["n"], fields["stride"] = len(rows), now.strides[0] // 8
         first = len(car_stages(is_stable=False).bodies) if world.has_stability_control else 0
-        self._calls: list[Callable[[], object]] = [partial(library.drive_cars, fields.address, first)]
+        self._calls: list[Callable[[], object]] = [partial(library["drive_cars"], fields.address, first)]
         for stage, calls in enumerate(stages.calls, first + 1):
             self._calls += [partial(getattr(np, name), args[begin:end], found[begin:end]) for name, begin, end in calls]
-            self._calls.append(partial(library.drive_cars, fields.address, stage))
+            self._calls.append(partial(library["drive_cars"], fields.address, stage))
 
     def advance(self) -> None:
         """Move the rows."""

@@ -110,13 +110,13 @@ class LaneKernel:
         others, _, num_moving = followers.others(followers.drivers)
         self._take_entries(others)
         fields["num_moving"] = num_moving
-        do.begin_decision(at)
+        do["begin_decision"](at)
         fields.arrays["q_key"][: fields["num_entries"]].sort()
-        do.perceive(at)
+        do["perceive"](at)
         if num_moving:
             moving = others.first(num_moving)
             stop_for_intruders(followers.conflicts, self._drivers(), self._perception(), moving)
-        num = do.accelerate(at)
+        num = do["accelerate"](at)
         if num:
             self._mind_closely(fields.arrays["looking"][:num])
         if len(followers.conflicts.joins.shared):
@@ -127,7 +127,7 @@ class LaneKernel:
         if len(egos.rows):
             wanted, lanes = fields.arrays["wanted"][egos.index], world.int_block("lane", "ahead_5")
             egos.command(lanes.take(egos.rows, axis=1), wanted)
-        do.follow_wishes(at)
+        do["follow_wishes"](at)
         self._steer()
 
     def _drivers(self) -> Drivers:
@@ -168,10 +168,10 @@ class LaneKernel:
     def _change_lanes(self) -> None:
         """See `LaneChanges.decide`."""
         do, at, arrays = self._do, self._at, self._fields.arrays
-        num = do.look_at_lanes_beside(at)
+        num = do["look_at_lanes_beside"](at)
         if num:
             arrays["is_clear"][:num] = self._are_clear(num)
-        begun = do.signal_changes(at, num) if self._fields["num_looks"] else 0
+        begun = do["signal_changes"](at, num) if self._fields["num_looks"] else 0
         if begun:
             which, side, is_tight = (arrays[name][:begun].copy() for name in ("at", "side", "is_tight"))
             self._followers.changes.start(self._drivers(), which, side, is_tight)
@@ -198,19 +198,19 @@ class LaneKernel:
     def _steer(self) -> None:
         """See `LaneFollowers.steer`."""
         do, at, arrays, followers = self._do, self._at, self._fields.arrays, self._followers
-        num = do.look_at_headings(at)
+        num = do["look_at_headings"](at)
         if num:
             np.arctan2(arrays["north"][:num], arrays["east"][:num], arrays["angle"][:num])
-            self._head_to_end(do.take_headings(at, num))
+            self._head_to_end(do["take_headings"](at, num))
         if len(followers.long):
             self._swing()
         if self._fields["num_wandering"]:
             np.sin(arrays["heading"], arrays["sine"])
             np.cos(arrays["heading"], arrays["cosine"])
-        num = do.plan_aside(at)
+        num = do["plan_aside"](at)
         if num:
             np.arctan2(arrays["north"][:num], arrays["east"][:num], arrays["angle"][:num])
-        num = do.steer(at)
+        num = do["steer"](at)
         self._take_slants()
         if num:
             followers.choice.change(arrays["at"][:num].copy())
@@ -253,13 +253,13 @@ class LaneKernel:
         saved = egos.save_poses() if len(egos.rows) else None
         if self._slants:
             angle, sine, cosine = self._slants
-            do.find_slants(at, dt)
+            do["find_slants"](at, dt)
             np.cos(angle, cosine)
-            do.move(at, dt)
+            do["move"](at, dt)
             np.sin(angle, sine)
             np.cos(angle, cosine)
-            do.nudge(at)
+            do["nudge"](at)
         else:
-            do.move(at, dt)
+            do["move"](at, dt)
         if saved is not None:
             egos.restore_poses(saved)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Final, Protocol
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +15,15 @@ from rosbridge_sim.world.state.world_rows import WorldRows
 _TYPES: Final = {"D": np.float64, "I": np.int64, "B": np.bool_, "V": np.complex128}
 
 
-class CompiledLoops(Protocol):
-    """The compiled loops: functions of the address of the structure, see `compiler.load_library`."""
+_OfDecisions = Literal["begin_decision", "perceive", "accelerate", "look_at_lanes_beside", "signal_changes"]
+_OfHeadings = Literal["follow_wishes", "look_at_headings", "take_headings", "plan_aside", "steer"]
+_OfSteps = Literal["find_slants", "move", "nudge", "drive_cars", "find_places", "look_at_kerbs", "mind_kerbs"]
+_OfPairs = Literal["watch_pairs", "list_pairs", "judge_pairs"]
+_OfScores = Literal["list_headings", "judge_egos", "look_at_lanes", "find_others", "describe_others", "measure"]
+LoopName = Literal[_OfDecisions, _OfHeadings, _OfSteps, _OfPairs, _OfScores]
 
-    def __getattr__(self, name: str) -> Callable[..., int]: ...
+CompiledLoops = Mapping[LoopName, Callable[..., int]]
+"""The compiled loops: functions of the address of the structure, see `compiler.load_library`."""
 
 
 class LoopFields:

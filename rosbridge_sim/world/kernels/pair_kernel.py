@@ -55,17 +55,17 @@ class PairKernel:
 
     def watch(self, *, is_due: bool) -> Watch:
         """Take the poses as the step has ended, and return whether a pair may touch, or the list has ended."""
-        return Watch(self._do.watch_pairs(self._at, is_due))
+        return Watch(self._do["watch_pairs"](self._at, is_due))
 
     def list_pairs(self) -> IntArray | None:
         """Return the list for this step and those to come, (2, m) int64; None for a heap, see `near_pairs`."""
         arrays = self._fields.arrays
         np.cos(self._yaw, arrays["unit_x"])
         np.sin(self._yaw, arrays["unit_y"])
-        num = self._do.list_pairs(self._at)
+        num = self._do["list_pairs"](self._at)
         if num > arrays["pairs"].shape[1]:
             self._make_room(_MORE_ROOM * num)
-            num = self._do.list_pairs(self._at)
+            num = self._do["list_pairs"](self._at)
         return None if num < 0 else self._fields.arrays["pairs"][:, :num]
 
     def judge(self, pairs: IntArray) -> bool:
@@ -74,4 +74,4 @@ class PairKernel:
         if num > self._fields.arrays["pairs"].shape[1]:
             self._make_room(_MORE_ROOM * num)
         self._fields.arrays["pairs"][:, :num] = pairs  # usually the same array
-        return bool(self._do.judge_pairs(self._at, num))
+        return bool(self._do["judge_pairs"](self._at, num))

@@ -30,17 +30,17 @@ class PeopleKernel:
         paths = self._people.world.path_store
         self._fields.take(segments=paths.segments, keys=paths.keys)
         self._fields["num_keys"] = paths.num
-        self._do.find_places(self._fields.address)
+        self._do["find_places"](self._fields.address)
         arrays = self._fields.arrays
         return arrays["arc"], arrays["goal"], arrays["course"]
 
     def mind_kerbs(self, _arc: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `People.mind_kerbs`."""
         at, arrays, people = self._fields.address, self._fields.arrays, self._people
-        num = self._do.look_at_kerbs(at)
+        num = self._do["look_at_kerbs"](at)
         if num:
             asks = arrays["asks"][:num]
             speed = people.world.desired_speed[people.rows[asks]]
             arrays["goes"][:num] = people.may_cross(asks, arrays["crossing"][:num], speed)
-        self._do.mind_kerbs(at, num)
+        self._do["mind_kerbs"](at, num)
         return arrays["wish"], arrays["slower"]

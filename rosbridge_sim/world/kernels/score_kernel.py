@@ -38,7 +38,7 @@ def measures_alike(library: CompiledLoops) -> bool:
     rng, found = np.random.default_rng(0), fields.arrays
     found["to_left"][:], found["to_right"][:] = rng.normal(size=(2, num)) * 10.0 ** rng.integers(-3, 3, (2, num))
     fields["n"] = num
-    library.measure(fields.address)
+    library["measure"](fields.address)
     return bool((found["lateral_below"] == np.hypot(found["to_left"], found["to_right"])).all())
 
 
@@ -118,7 +118,7 @@ class _Look:
         fields, yaw = self._fields, self._world.yaw[self.rows]
         np.cos(yaw, self._cosine)
         np.sin(yaw, self._sine)
-        if self._cells.search(fields.address, self._do.look_at_lanes):
+        if self._cells.search(fields.address, self._do["look_at_lanes"]):
             return None
         arrays = fields.arrays
         lane = arrays["lane_below"]
@@ -159,11 +159,11 @@ class _Others:
         arrays, at = self._fields.arrays, self._fields.address
         np.cos(self._yaw, arrays["cosine"])
         np.sin(self._yaw, arrays["sine"])
-        if self._do.find_others(at):
+        if self._do["find_others"](at):
             return None
         np.cos(arrays["turn_by"], arrays["turn_cosine"])
         np.sin(arrays["turn_by"], arrays["turn_sine"])
-        self._do.describe_others(at)
+        self._do["describe_others"](at)
         return self._seen.copy()
 
 
@@ -213,13 +213,13 @@ class ScoreKernel:
         do, at, fields = self._do, self._at, self._fields
         fields.take(before_accel=before.accel, before_uid=before.uid)
         fields["num_before"] = len(before.uid)
-        do.list_headings(at)
+        do["list_headings"](at)
         np.cos(self._angle, self._cosine)
         np.sin(self._angle, self._sine)
-        found = self._cells.search(at, do.judge_egos) if self._is_fit else c_source.WITH_ARRAYS
+        found = self._cells.search(at, do["judge_egos"]) if self._is_fit else c_source.WITH_ARRAYS
         if found == c_source.NEAR_EDGES:
             self._measure_across()
-            found = do.judge_egos(at)
+            found = do["judge_egos"](at)
         if found < 0:
             return False
         count_contacts(self._world, self._rows, before.contacts)

@@ -331,8 +331,8 @@ class EntityArrays:
     is_over_left: BoolArray
     is_over_right: BoolArray
 
-    def __init__(self) -> None:
-        self._allocate(0)
+    def __init__(self, n: int = 0) -> None:
+        self._allocate(n)
 
     def block(self, first: str, last: str) -> FloatArray:
         """Return the float columns from `first` to `last`, given by name, as one (columns, n) view."""

@@ -266,7 +266,7 @@ def test_box_next_to_the_edge_of_its_lane_is_measured_by_arrays(over: float) -> 
     check_both(worlds[0], worlds[1], 2)
     kernel = worlds[1].derived(make_score_kernel())
     assert isinstance(kernel, ScoreKernel)
-    assert kernel._do.judge_egos(kernel._at) == NEAR_EDGES
+    assert kernel._do["judge_egos"](kernel._at) == NEAR_EDGES
 
 
 def test_more_pairs_that_meet_than_there_is_room_for() -> None:
