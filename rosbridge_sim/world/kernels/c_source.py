@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from rosbridge_sim.world import scoring
 from rosbridge_sim.world.contacts import collisions, time_to_collision
@@ -36,7 +36,7 @@ from rosbridge_sim.world.people import people
 from rosbridge_sim.world.roads import lane_conflicts, paths, roads, turn_shares
 from rosbridge_sim.world.state import world
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
-from rosbridge_sim.world.state.written_equations import Script, Term
+from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOperators
 
 FILES: Final = (
     *("lanes.c", "perception.c", "right_of_way.c", "lane_changes.c", "motion.c", "pairs.c", "people.c"),
@@ -247,31 +247,20 @@ typedef struct Look Look;
 """
 
 
-class COperators:
-    """The functions of `rule_operators.RuleOperators` in C.
+class COperators(WrittenOperators):
+    """The operators in C. What numpy computes is a mark for `car_source`."""
 
-    Args:
-        script: gets the lines.
-    """
+    forms: ClassVar[Mapping[str, str]] = {
+        "least": "({1} < {0} ? {1} : {0}) + 0.0",
+        "most": "({1} > {0} ? {1} : {0}) + 0.0",
+        "pick": "{0} > 0.0 ? {1} : {2}",
+        "magnitude": "fabs({})",
+        "root": "sqrt({})",
+        "wrap": "{0} > -PI && {0} <= PI ? {0} : wrap({0})",
+    }
 
-    def __init__(self, script: Script) -> None:
-        self._script = script
-
-    def least(self, a: Term, b: Term | float, /) -> Term:
-        """Return the smaller one; 0 without a sign."""
-        return self._script.write("({1} < {0} ? {1} : {0}) + 0.0", a, b)
-
-    def most(self, a: Term, b: Term | float, /) -> Term:
-        """Return the greater one; 0 without a sign."""
-        return self._script.write("({1} > {0} ? {1} : {0}) + 0.0", a, b)
-
-    def pick(self, condition: Term, if_positive: Term | float, otherwise: Term | float, /) -> Term:
-        """Return the second argument where the first one is positive, else the third one."""
-        return self._script.write("{0} > 0.0 ? {1} : {2}", condition, if_positive, otherwise)
-
-    def root(self, a: Term, /) -> Term:
-        """Return the square root of a number >= 0."""
-        return self._script.write("sqrt({})", a)
+    def _by_numpy(self, function: str, a: Term) -> Term:
+        return self._script.write(f"{function} {{}}", a)
 
 
 def write_rule(rule: Callable[..., Any]) -> str:
@@ -281,7 +270,7 @@ def write_rule(rule: Callable[..., Any]) -> str:
         rule: gets operators and numbers; returns a number or several.
     """
     script = Script(len(signature(rule).parameters) - 1)
-    found = rule(COperators(script), *script.given)
+    found = rule(COperators(script, is_any=True), *script.given)
     name, arguments = getattr(rule, "__name__", ""), ", ".join(f"D {term.name}" for term in script.given)
     lines = [f"D {line};" for line in script.lines[1:]]
     if isinstance(found, Sequence):

@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 from rosbridge_sim.world.kernels.c_source import COperators
 from rosbridge_sim.world.state.entity_arrays import FLOATS
 from rosbridge_sim.world.state.world import DT
-from rosbridge_sim.world.state.written_equations import Script, Term
+from rosbridge_sim.world.state.written_equations import Script
 from rosbridge_sim.world.vehicle.dynamics import FIRST, LAST, RESULTS, columns_from, find_after
 
 _NAMES: Final = re.compile(r"\b[ab]\d+\b")
@@ -36,34 +36,12 @@ class CarStages(NamedTuple):
     num_args: int
 
 
-class _CarOperators(COperators):
-    """The functions of `operators.Operators` in C; those of numpy are marks for `car_stages`."""
-
-    def is_any(self, _a: Term, /) -> bool:
-        return True
-
-    def magnitude(self, a: Term, /) -> Term:
-        return self._script.write("fabs({})", a)
-
-    def wrap(self, a: Term, /) -> Term:
-        return self._script.write("{0} > -PI && {0} <= PI ? {0} : wrap({0})", a)
-
-    def sin(self, a: Term, /) -> Term:
-        return self._script.write("sin {}", a)
-
-    def cos(self, a: Term, /) -> Term:
-        return self._script.write("cos {}", a)
-
-    def arctan(self, a: Term, /) -> Term:
-        return self._script.write("arctan {}", a)
-
-
 @cache
 def car_stages(*, is_stable: bool) -> CarStages:
     """Return the stages, with or without stability control."""
     columns = FLOATS[FLOATS.index(FIRST) : FLOATS.index(LAST) + 1]
     script = Script(len(columns))
-    after = find_after(_CarOperators(script), script.given, DT, is_stable=is_stable)
+    after = find_after(COperators(script, is_any=True), script.given, DT, is_stable=is_stable)
     lines = dict(line.split(" = ", 1) for line in script.lines[1:])
     # The stage of a number: one more than that of what it needs if it is a sine, a cosine or an arc tangent.
     calls = {name: found.groups() for name, text in lines.items() if (found := _CALL.fullmatch(text))}

@@ -151,8 +151,8 @@ class _Others:
         fields.make(c_source.FOR_OTHERS, size)
         self._seen = np.zeros((len(rows), num, c_source.NUM_FIGURES))
         fields.take(rows=rows, seen=self._seen, cosine=np.zeros(world.n), sine=np.zeros(world.n))
-        fields["n"], fields["num_seen"], fields["num_rows"] = len(rows), num, world.n
-        fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
+        fields["n"], fields["num_seen"] = len(rows), num
+        fields["num_rows"], fields["num_worlds"] = world.n, world.num_worlds
 
     def find(self) -> FloatArray | None:
         """Return what `surroundings.find_others` returns; None if arrays must find it."""
@@ -202,8 +202,7 @@ class ScoreKernel:
         fields.take(angle=self._angle, cosine=self._cosine, sine=self._sine)
         fields.take(poses=self._poses, across=np.zeros(num))
         fields.take(pair_ego=self._pairs[0], pair_row=self._pairs[1])
-        fields["n"], fields["num_rows"] = num, world.n
-        fields["num_worlds"] = 1 if world.world_of_row is None else world.num_worlds
+        fields["n"], fields["num_rows"], fields["num_worlds"] = num, world.n, world.num_worlds
         fields["num_lines"] = len(fields.arrays["lines"])
         self._look: _Look | None = None
         self._others: _Others | None = None

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
@@ -119,21 +119,30 @@ class WrittenOperators:
         is_any: the answer to every `is_any`.
     """
 
+    forms: ClassVar[Mapping[str, str]] = {
+        "least": "({1} if {1} < {0} else {0}) + 0.0",
+        "most": "({1} if {1} > {0} else {0}) + 0.0",
+        "pick": "{1} if {0} > 0.0 else {2}",
+        "magnitude": "abs({})",
+        "root": "sqrt({})",
+        "wrap": f"{{0}} if {-math.pi!r} < {{0}} <= {math.pi!r} else wrap({{0}})",
+    }
+
     def __init__(self, script: Script, *, is_any: bool) -> None:
         self._script = script
         self._is_any = is_any
 
     def least(self, a: Term, b: Term | float, /) -> Term:
         """Return the smaller one; 0 without a sign."""
-        return self._script.write("({1} if {1} < {0} else {0}) + 0.0", a, b)
+        return self._script.write(self.forms["least"], a, b)
 
     def most(self, a: Term, b: Term | float, /) -> Term:
         """Return the greater one; 0 without a sign."""
-        return self._script.write("({1} if {1} > {0} else {0}) + 0.0", a, b)
+        return self._script.write(self.forms["most"], a, b)
 
     def pick(self, condition: Term, if_positive: Term | float, otherwise: Term | float, /) -> Term:
         """Return the second argument where the first one is positive, else the third one."""
-        return self._script.write("{1} if {0} > 0.0 else {2}", condition, if_positive, otherwise)
+        return self._script.write(self.forms["pick"], condition, if_positive, otherwise)
 
     def is_any(self, _a: Term, /) -> bool:
         """Return what the script is written for."""
@@ -141,27 +150,30 @@ class WrittenOperators:
 
     def magnitude(self, a: Term, /) -> Term:
         """Return the amount."""
-        return self._script.write("abs({})", a)
+        return self._script.write(self.forms["magnitude"], a)
 
     def root(self, a: Term, /) -> Term:
         """Return the square root of a number >= 0."""
-        return self._script.write("sqrt({})", a)
+        return self._script.write(self.forms["root"], a)
 
     def sin(self, a: Term, /) -> Term:
         """Return the sine."""
-        return self._script.write_cell("sin", a)
+        return self._by_numpy("sin", a)
 
     def cos(self, a: Term, /) -> Term:
         """Return the cosine."""
-        return self._script.write_cell("cos", a)
+        return self._by_numpy("cos", a)
 
     def arctan(self, a: Term, /) -> Term:
         """Return the arc tangent."""
-        return self._script.write_cell("arctan", a)
+        return self._by_numpy("arctan", a)
 
     def wrap(self, a: Term, /) -> Term:
         """Return an angle within (-pi, pi]; one inside keeps its bits."""
-        return self._script.write(f"{{0}} if {-math.pi!r} < {{0}} <= {math.pi!r} else wrap({{0}})", a)
+        return self._script.write(self.forms["wrap"], a)
+
+    def _by_numpy(self, function: str, a: Term) -> Term:
+        return self._script.write_cell(function, a)
 
 
 def _nest(lines: Sequence[str]) -> list[str]:
