@@ -28,6 +28,7 @@ Nothing depends on rows or on the order of spawning: pairs are sorted by id.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Final, NamedTuple, Protocol
 
@@ -126,12 +127,8 @@ class PairLoops(Protocol):
         """Take a list, and return whether a pair of it may touch."""
 
 
-class MakeLoops(Protocol):
-    """Maker of `PairLoops`."""
-
-    def __call__(self, world: WorldRows, rows: IntArray, foreseen: Foreseen, *, is_small: bool) -> PairLoops:
-        """Return the loops for the rows in use, in order of their ids; those of a world are neighbours."""
-
+MakeLoops = Callable[[WorldRows, IntArray, Foreseen], PairLoops]
+"""Returns the loops for the rows in use, (k,) int64, in order of their ids; those of a world are neighbours."""
 
 PAIR_LOOPS: Final = LoopMaker[MakeLoops]()
 """The loops that watch pairs, from the next list of each world on."""
@@ -197,8 +194,7 @@ class CollisionDetector:
         self._maker, self._loops = make, None
         if make is not None:
             foreseen = Foreseen(self.poses, self._seen, self._rate, self._margin, self._reach)
-            is_small = self._may_meet is not None or self._world_of_row is not None
-            self._loops = make(self._world, self._rows, foreseen, is_small=is_small)
+            self._loops = make(self._world, self._rows, foreseen)
 
     def _watch(self) -> bool:
         """Bring the list up to date, and return whether there are pairs on it."""

@@ -148,7 +148,7 @@ def names_in(table: Mapping[str, str]) -> list[str]:
     return " ".join(table.values()).split()
 
 
-PAIR_WORDS = BOX_WORDS = 17
+PAIR_WORDS, BOX_WORDS = 17, 16
 """Room for a pair of the list, and for a body as the list is made, in 8 bytes."""
 
 _CONSTANTS: Final = {

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.contacts.collisions import POSE_YAW, Foreseen, Watch
+from rosbridge_sim.world.contacts.collisions import MAX_PAIRWISE, POSE_YAW, Foreseen, Watch
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.kernels.c_source import BOX_WORDS, PAIR_WORDS
 from rosbridge_sim.world.kernels.loop_fields import CompiledLoops, LoopFields
@@ -28,13 +28,10 @@ class PairKernel:
         library: the loops.
         world: read only.
         rows: (k,) int64, rows in use in order of their ids.
-        is_small: all bodies of a world are compared with each other.
         foreseen: arrays of the detector, written.
     """
 
-    def __init__(
-        self, library: CompiledLoops, world: WorldRows, rows: IntArray, foreseen: Foreseen, *, is_small: bool
-    ) -> None:
+    def __init__(self, library: CompiledLoops, world: WorldRows, rows: IntArray, foreseen: Foreseen) -> None:
         self._do, self._fields, num = library, LoopFields(), len(rows)
         fields, now = self._fields, world.block("x", "z")
         self._yaw, self._at = foreseen.poses[1, POSE_YAW], fields.address
@@ -46,7 +43,9 @@ class PairKernel:
         fields.take(head=np.empty(1 << (2 * num).bit_length(), np.int64), wide=np.empty(num + 1, np.int64))
         fields.take(box=np.empty((num + 1, BOX_WORDS)))
         fields["n"], fields["num_rows"], fields["stride"] = num, world.n, now.strides[0] // 8
-        fields["is_small"], fields["num_heads"] = is_small, len(fields.arrays["head"])
+        # Small worlds need no cells, one or many: all bodies of each are compared with each other.
+        fields["is_small"] = num <= MAX_PAIRWISE or of_row is not None
+        fields["num_heads"] = len(fields.arrays["head"])
         self._make_room(4 * num)
 
     def _make_room(self, num: int) -> None:

@@ -12,7 +12,7 @@ struct Pair {
 /* A body, as the list is made: its box enlarged by its margins, in the steps of the list. */
 struct Box {
   V heading, first, last, middle, span;
-  D half[2], extra;
+  D half[2];
   I column, line, next, is_wide;
 };
 _Static_assert(sizeof(Pair) == 8 * PAIR_WORDS && sizeof(Box) == 8 * BOX_WORDS, "room in pair_kernel.py");
@@ -132,13 +132,14 @@ static void foresee_bodies(K *k) {
     V slide = {k->rate[r], k->rate[k->num_rows + r]}, unit = box->heading = (V){k->unit_x[r], k->unit_y[r]};
     V middle = {unit.x * k->centre[r] + POSE(1, X, r), unit.y * k->centre[r] + POSE(1, Y, r)};
     D cosine = fabs(unit.x), sine = fabs(unit.y);
-    box->half[0] = k->half_length[r], box->half[1] = k->half_width[r];
-    box->extra = sqrt(2.0) * k->margin[r] + k->margin[2 * k->num_rows + r] * k->reach[r];
+    D length = k->half_length[r], width = k->half_width[r];
+    D extra = sqrt(2.0) * k->margin[r] + k->margin[2 * k->num_rows + r] * k->reach[r];
+    box->half[0] = length + extra, box->half[1] = width + extra;
     box->first = minus(middle, slide);
     box->last = (V){middle.x + LIFE * slide.x, middle.y + LIFE * slide.y};
     box->middle = (V){0.5 * (box->first.x + box->last.x), 0.5 * (box->first.y + box->last.y)};
-    box->span.x = box->half[0] * cosine + box->half[1] * sine + (0.5 * (LIFE + 1) * fabs(slide.x) + box->extra);
-    box->span.y = box->half[0] * sine + box->half[1] * cosine + (0.5 * (LIFE + 1) * fabs(slide.y) + box->extra);
+    box->span.x = length * cosine + width * sine + (0.5 * (LIFE + 1) * fabs(slide.x) + extra);
+    box->span.y = length * sine + width * cosine + (0.5 * (LIFE + 1) * fabs(slide.y) + extra);
   }
 }
 
@@ -191,8 +192,7 @@ static void add_if_near(K *k, I i, I j) {
   if (!k->is_car[i] && !k->is_car[j]) return;
   k->num_near += 1;
   V heading[2] = {one->heading, other->heading};
-  D sides[4] = {one->half[0] + one->extra, one->half[1] + one->extra};
-  sides[2] = other->half[0] + other->extra, sides[3] = other->half[1] + other->extra;
+  D sides[4] = {one->half[0], one->half[1], other->half[0], other->half[1]};
   if (!do_boxes_meet(minus(other->first, one->first), minus(other->last, one->last), heading, sides)) return;
   I at = k->num_pairs++, *pairs = k->pairs;
   if (at >= k->most_pairs) return; /* it is counted, so that there is room for all at the next try */
