@@ -57,17 +57,8 @@ WAVES: Final = -16.0 * _WAVE * _PARABOLA
 """Factor of the sum of the waves."""
 
 
-def aims_at(salt: npt.NDArray[np.uint64], frame: int) -> FloatArray:
-    """Return where drivers aim at, (k,), with a standard deviation of 1.
-
-    Args:
-        salt: (k,) uint64; see `chance.salt_of`.
-    """
-    return _sum_of_waves(*_waves_of(salt), frame)
-
-
 def _waves_of(salt: npt.NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
-    """Return the waves' rates [1/frame] and phases [periods], (3, k) each."""
+    """Return the waves' rates [1/frame] and phases [periods], (3, k) each, by salts (k,) of `chance.salt_of`."""
     rates, phases = [], []
     for i, period in enumerate(PERIODS):
         spread = bell(salt, _FIRST_QUESTION + 2 * i)
@@ -78,7 +69,7 @@ def _waves_of(salt: npt.NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
 
 
 def _sum_of_waves(rate: FloatArray, phase: FloatArray, frame: int | IntArray) -> FloatArray:
-    """Return the sum of three waves of parabolas, which have the same bits on every machine, (k,)."""
+    """Return the sum of three waves of parabolas, with a standard deviation of 1 and the same bits everywhere, (k,)."""
     turn = rate * frame + phase
     turn -= np.floor(turn) + 0.5
     waves = turn * (0.5 - np.abs(turn))

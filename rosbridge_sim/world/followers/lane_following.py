@@ -40,6 +40,7 @@ from rosbridge_sim.world.drivers.lane_swing import are_straight, find_long, find
 from rosbridge_sim.world.drivers.lane_wander import LaneWander
 from rosbridge_sim.world.drivers.right_of_way import find_entered
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
 from rosbridge_sim.world.followers.other_entities import OtherEntities
 from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
@@ -47,7 +48,7 @@ from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.bends import offset, stretch
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, is_any, of_rows, run_of, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
-from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, shift_time
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state.loop_maker import LoopMaker
@@ -343,7 +344,7 @@ class LaneFollowers:
         """
         world, at = self.world, self.at
         if len(shifting):
-            duration = time_of_shift(self.parameters.change_time[shifting], world.speed[at][shifting])
+            duration = shift_time(ARRAYS, self.parameters.change_time[shifting], world.speed[at][shifting])
             plan_shifts(world, self.rows[shifting], duration, distance[shifting], INTERVAL)
         if len(self.shifted):
             heading += world.drift[at] + world.drift_rate[at] * INTERVAL

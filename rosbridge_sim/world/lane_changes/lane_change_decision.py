@@ -10,9 +10,10 @@ import numpy as np
 from rosbridge_sim.world.drivers.driver_model import FIRM, HARDEST, STOP_GAP, Perception
 from rosbridge_sim.world.drivers.lane_entries import Drivers, EntryQueue
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_changes.lane_change_model import KEEP_RIGHT_BIAS, THRESHOLD, LaneChange, find_safe, follow
-from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, lateral_in_shift, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, lateral_in_shift, shift_time
 from rosbridge_sim.world.lane_changes.lane_change_passing import STANDS, Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, SETTLING_TIME, LaneConflicts, foresight
@@ -146,7 +147,7 @@ class LaneLook:
         self._which = which
         self._lanes = drivers.lanes.take(which, axis=1)
         self._arc, self._speed = drivers.arc[which], drivers.speed[which]
-        self._shift_time = time_of_shift(drivers.parameters.change_time[which], self._speed)
+        self._shift_time = shift_time(ARRAYS, drivers.parameters.change_time[which], self._speed)
         self._nose, self._rear, self._length = drivers.nose[which], drivers.rear[which], drivers.length[which]
         self._gap, self._lead_speed = perception.gap[which], perception.lead_speed[which]
         self._run = self._find_run(self._lanes, self._arc)

@@ -76,18 +76,13 @@ SHORTEST: Final = 1e-9
 _COLUMNS: Final = ("lateral", "drift_rate")
 
 
-def time_of_shift(change_time: FloatArray, speed: FloatArray) -> FloatArray:
-    """Return the times that lane changes take at given speeds, (k,) [s].
+def shift_time(do: RuleOperators[V], change_time: V, speed: V) -> V:
+    """Return the time that a lane change takes at a speed [s].
 
     Args:
-        change_time: (k,) of the drivers, see `driver_parameters` [s].
-        speed: (k,) [m/s].
+        change_time: of the driver, see `driver_parameters` [s].
+        speed: [m/s].
     """
-    return np.asarray(shift_time(ARRAYS, change_time, speed))
-
-
-def shift_time(do: RuleOperators[V], change_time: V, speed: V) -> V:
-    """Return what `time_of_shift` returns; the arguments are the same."""
     longer = 1.0 + LONGER_PER_SPEED * (speed - USUAL_SPEED)
     return do.least(do.most(change_time * longer, MIN_SHIFT_TIME), MAX_SHIFT_TIME)
 
@@ -102,7 +97,7 @@ def lateral_in_shift(
         speed: (k,) [m/s].
         across: (k,) by which they shift; not negative [m].
     """
-    time = time_of_shift(parameters.change_time[which], speed)
+    time = shift_time(ARRAYS, parameters.change_time[which], speed)
     most, usual = parameters.most_lateral[which], parameters.lateral[which]
     return np.asarray(lateral_left(ARRAYS, most, usual, time, across))
 
@@ -127,18 +122,13 @@ def find_shifted(world: WorldRows, rows: IntArray | slice) -> IntArray:
     return which
 
 
-def length_of_shift(length: FloatArray, across: FloatArray) -> FloatArray:
-    """Return the least way that vehicles need to shift, (k,) [m].
+def shift_length(do: RuleOperators[V], length: V, across: V) -> V:
+    """Return the least way that a vehicle needs to shift [m].
 
     Args:
-        length: (k,) of the vehicles [m].
-        across: (k,) by which they shift; not negative [m].
+        length: of the vehicle [m].
+        across: by which it shifts; not negative [m].
     """
-    return np.asarray(shift_length(ARRAYS, length, across))
-
-
-def shift_length(do: RuleOperators[V], length: V, across: V) -> V:
-    """Return what `length_of_shift` returns; the arguments are the same."""
     whole = MIN_SHIFT + MIN_SHIFT_PER_LENGTH * do.most(length - CAR_LENGTH, 0.0)
     return whole * do.root(do.least(across / LANE, 1.0))
 
@@ -184,7 +174,7 @@ def plan_shifts(world: WorldRows, rows: IntArray, time: FloatArray, distance: Fl
     Args:
         world: written in place.
         rows: (k,) int64, from `find_shifted`.
-        time: (k,) that a lane change takes, from `time_of_shift` [s].
+        time: (k,) that a lane change takes, from `shift_time` [s].
         distance: (k,) that each will drive until then [m].
         interval: until then [s].
     """
@@ -195,7 +185,7 @@ def plan_shifts(world: WorldRows, rows: IntArray, time: FloatArray, distance: Fl
     world.lateral[done] = world.lateral_from[done] = world.lateral_to[done]
     world.drift[done] = world.lateral_push[done] = world.lateral_bend[done] = 0.0
     across = np.abs(world.lateral_to[rows] - world.lateral_from[rows]) + np.abs(world.lateral_push[rows])
-    way = length_of_shift(2.0 * world.half_length[rows], across)
+    way = shift_length(ARRAYS, 2.0 * world.half_length[rows], across)
     tight = world.lateral_bend[rows].nonzero()[0]
     if len(tight):
         way[tight] = length_of_tight_shift(world, rows[tight], across[tight])

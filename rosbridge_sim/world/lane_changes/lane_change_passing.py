@@ -24,10 +24,10 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
     bend_slope,
     bend_way,
     find_way,
-    length_of_shift,
     length_of_tight_shift,
+    shift_length,
+    shift_time,
     slope_of,
-    time_of_shift,
 )
 from rosbridge_sim.world.roads.lane_change_map import LEFT
 from rosbridge_sim.world.state.world_rows import WorldRows
@@ -110,7 +110,7 @@ def find_blocked(world: WorldRows, shifts: Shifts, speed: FloatArray, edges: Edg
     speed = np.fmax(speed, CREEP)
     across, gap, is_tight = shifts.across, shifts.gap, shifts.is_tight
     closing = speed - shifts.lead_speed
-    way = np.fmax(length_of_shift(shifts.length, across), time_of_shift(shifts.change_time, speed) * speed)
+    way = np.fmax(shift_length(ARRAYS, shifts.length, across), shift_time(ARRAYS, shifts.change_time, speed) * speed)
     bend = np.zeros(len(across))
     tight = is_tight.nonzero()[0]
     if len(tight):

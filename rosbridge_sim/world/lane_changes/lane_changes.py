@@ -26,6 +26,7 @@ from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH, DriverPa
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
 from rosbridge_sim.world.drivers.lane_position import rear_axles, set_legs
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_any, run_of, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_decision import BLOCKED_WAY, LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
@@ -34,7 +35,7 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
     TIGHT_BEND,
     lateral_in_shift,
     length_of_tight_shift,
-    time_of_shift,
+    shift_time,
 )
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, find_edges, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
@@ -234,7 +235,7 @@ class LaneChanges:
         accel[soon] = np.fmin(accel[soon], 0.0)
         # Those that pull out from rest do it at walking speed: their wheels are turned.
         at = (shifts.is_tight & np.isfinite(gap)).nonzero()[0]
-        duration = time_of_shift(shifts.change_time[at], now[at])
+        duration = shift_time(ARRAYS, shifts.change_time[at], now[at])
         walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / duration
         accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
         blocked = find_blocked(world, shifts, now, edges)

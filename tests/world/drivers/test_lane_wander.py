@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
-from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER, LaneWander, aims_at
+from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER, LaneWander, _sum_of_waves, _waves_of
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.chance import bell, salt_of
@@ -35,6 +36,11 @@ def wanderer(
     row = world.row(world.spawn(Kind.VEHICLE, body, name="car", x=0.0, y=0.0, speed=speed))
     keep_lane(world, row, lane, s, desired_speed=more.get("desired_speed", speed), wander=wander)
     return row
+
+
+def aims_at(salt: npt.NDArray[np.uint64], frame: int) -> FloatArray:
+    """Where drivers aim at in lanes of any width."""
+    return _sum_of_waves(*_waves_of(salt), frame)
 
 
 def places(world: World, row: int, frames: int) -> FloatArray:

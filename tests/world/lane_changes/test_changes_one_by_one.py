@@ -9,10 +9,11 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import headings
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
-from rosbridge_sim.world.lane_changes.lane_change_motion import length_of_tight_shift, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import length_of_tight_shift, shift_time
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT, LaneNeighbours
 from rosbridge_sim.world.state.world import Body, Kind, World
@@ -131,7 +132,7 @@ class OneByOne(Scene):
         if not is_clear(world, shifts, np.array([faster])).item():
             accel = min(accel, 0.0)
         if is_tight[0] and math.isfinite(gap):
-            duration = time_of_shift(change_time, np.array([speed])).item()
+            duration = shift_time(ARRAYS, change_time, np.array([speed])).item()
             walking = length_of_tight_shift(world, rows, across).item() / duration
             accel = min(accel, (walking - speed) / 0.6)
         blocked = find_blocked(world, shifts, np.array([speed])).item()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.followers.lane_following import DECISION
 from rosbridge_sim.world.followers.motion import motion
 from rosbridge_sim.world.geometry.planar import IntArray
@@ -16,13 +17,13 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
     bend_way,
     find_shifted,
     find_way,
-    length_of_shift,
     length_of_tight_shift,
     nudge,
     plan_shifts,
     shift,
+    shift_length,
+    shift_time,
     slope_of,
-    time_of_shift,
 )
 from rosbridge_sim.world.state.world import DT, Body, World
 from rosbridge_sim.world.step import step
@@ -115,7 +116,7 @@ def test_a_shift_can_be_replaced_on_its_way() -> None:
 def test_lane_change_takes_the_own_time_at_72_km_h_and_longer_at_more(
     change_time: float, speed: float, seconds: float
 ) -> None:
-    assert time_of_shift(np.array([change_time]), np.array([speed])) == pytest.approx(np.array([seconds]))
+    assert shift_time(ARRAYS, np.array([change_time]), np.array([speed])) == pytest.approx(np.array([seconds]))
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_lane_change_takes_the_own_time_at_72_km_h_and_longer_at_more(
     [(4.5, 3.5, 10.0), (3.0, 3.5, 10.0), (4.5, 7.0, 10.0), (4.5, 3.5 / 4.0, 5.0), (10.5, 3.5, 25.0), (4.5, 0.0, 0.0)],
 )
 def test_shift_needs_ten_metres_and_more_for_long_vehicles(length: float, across: float, way: float) -> None:
-    assert length_of_shift(np.array([length]), np.array([across])) == pytest.approx(np.array([way]))
+    assert shift_length(ARRAYS, np.array([length]), np.array([across])) == pytest.approx(np.array([way]))
 
 
 @pytest.mark.parametrize(("body", "across"), [(CAR, 3.5), (CAR, 1.0), (CAR, 5.0), (BUS, 3.5), (BUS, 1.0), (BUS, 5.0)])
@@ -187,7 +188,7 @@ def test_offsets_until_the_next_decision_are_those_of_the_curves(seed: int) -> N
             continue
         one, across = np.array([row]), np.array([abs(end - start) + abs(push)])
         length = 2.0 * world.half_length[one]
-        way = length_of_tight_shift(world, one, across) if bend else length_of_shift(length, across)
+        way = length_of_tight_shift(world, one, across) if bend else shift_length(ARRAYS, length, across)
         part = min(0.1 / seconds, driven / max(way.item(), 1.0), left)
         curve = start + (end - start) * WAY + push * PUSH + bend * BEND
         share = 1.0 - left + part

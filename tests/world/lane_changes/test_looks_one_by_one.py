@@ -13,11 +13,12 @@ import pytest
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import set_legs
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
+from rosbridge_sim.world.drivers.rule_operators import ARRAYS
 from rosbridge_sim.world.followers.lane_following import LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.lane_changes.lane_change_decision import LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
-from rosbridge_sim.world.lane_changes.lane_change_motion import LANE, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import LANE, shift_time
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import LEFT, NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -244,7 +245,7 @@ class OneByOne:
         self.rear, self.length = float(drivers.rear[i]), float(drivers.length[i])
         self.gap, self.lead_speed = float(self.perception.gap[i]), float(self.perception.lead_speed[i])
         self.change_time = drivers.parameters.change_time[[i]]
-        self.shift_time = time_of_shift(self.change_time, drivers.speed[[i]]).item()
+        self.shift_time = shift_time(ARRAYS, self.change_time, drivers.speed[[i]]).item()
         self.run = self.run_on(self.lanes, self.arc)
         waits, narrow = self.conflicts.wait_point, self.conflicts.joins.narrow_from
         is_before_join = self.conflicts.joins.join[self.lanes[0]] >= 0
@@ -555,8 +556,8 @@ def test_driver_changes_by_choice_only_where_20_metres_and_the_way_of_the_change
     world = world_of(*roads[0])
     row = car(world, "b1", 20.0, speed=10.0)
     lane, scene = world.roads.row("b1"), Scene(world)
-    shift_time = time_of_shift(scene.drivers.parameters.change_time, np.array([10.0])).item()
-    bumper = float(world.roads.length[lane]) - (20.0 + (1.5 + shift_time) * 10.0 + beyond)
+    duration = shift_time(ARRAYS, scene.drivers.parameters.change_time, np.array([10.0])).item()
+    bumper = float(world.roads.length[lane]) - (20.0 + (1.5 + duration) * 10.0 + beyond)
     keep_lane(world, row, lane, bumper - float(scene.drivers.nose[0]))
     car(world, "b1", bumper + 25.0, speed=4.0, desired_speed=4.0)
     world.frame = FRAME
