@@ -26,7 +26,7 @@ from rosbridge_sim.world.drivers.driver_model import BRAKE_FROM, CREEP, GAP, STO
 from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, is_any
-from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts, Links, make_links
 from rosbridge_sim.world.roads.roads import Roads
 
 SAME_DISTANCE: Final = 1.0
@@ -180,11 +180,13 @@ def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
     keeps = asks[index]
     index, link, at = (asks.cumsum() - 1)[index[keeps]], link[keeps], at[asks]
     holds, rival = _find_holds(conflicts, drivers), conflicts.rivals.other[link]
-    is_own, is_taken = _are_taken(conflicts, drivers, holds, at[index], link, moving=moving)
+    is_own, is_last, is_taken = _are_taken(conflicts, drivers, holds, at[index], link, moving=moving)
     stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
     perception.is_blocked[at[index[stands[rival] & (is_taken | ~is_own)]]] = True
     if len(at) > 1:
-        is_taken |= _are_later(conflicts, drivers, requests, at, index, link, holds=holds, is_taken=is_taken)
+        is_taken |= _are_later(
+            *(conflicts, drivers, requests, at, index, link), holds=holds, is_last=is_last, is_taken=is_taken
+        )
     given = at[np.bincount(index[is_taken], minlength=len(at)) == 0]
     drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
 
@@ -198,6 +200,7 @@ def _are_later(  # noqa: PLR0917 - those of `_give`, and what it found
     link: IntArray,
     *,
     holds: tuple[IntArray, IntArray, FloatArray],
+    is_last: BoolArray,
     is_taken: BoolArray,
 ) -> BoolArray:
     """Return for pairs of lanes with rivals whether another driver asks for the rival and goes first, (m,).
@@ -207,6 +210,7 @@ def _are_later(  # noqa: PLR0917 - those of `_give`, and what it found
         index: (m,) int64, which of these asks for the lane of a pair.
         link: (m,) int64, the pairs; see `Links.of`.
         holds: see `_find_holds`.
+        is_last: (m,) see `_are_taken`.
         is_taken: (m,) others have the rivals already.
     """
     lane, rank = requests.lane[at], np.empty(len(at), dtype=np.int64)
@@ -224,12 +228,41 @@ def _are_later(  # noqa: PLR0917 - those of `_give`, and what it found
     best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
     np.minimum.at(best, lane, rank)
     is_later = best[rival] < rank[index]
-    for pair in (is_later & ~is_taken & (drivers.held[at[index]] >= 0)).nonzero()[0].tolist():
+    unsure = (is_later & ~is_taken & (drivers.held[at[index]] >= 0)).nonzero()[0]
+    if len(unsure):
+        firsts = _find_firsts(drivers, at, lane, rank, np.bincount(index[is_last], minlength=len(at)) > 0, len(best))
+        pair, found = firsts.of(rival[unsure])
+        other, asker = firsts.other[found], index[unsure][pair]
+        is_before = rank[other] < rank[asker]
+        pair, other, asker = pair[is_before], other[is_before], asker[is_before]
         # Those who would go first, but wait for this driver to leave the crossing, do not count.
-        body = holds[1][holds[0] == at[index[pair]]]
-        waits = np.bincount(index[is_taken & is_among(rival, body)], minlength=len(at)) > 0
-        is_later[pair] = ((lane == rival[pair]) & (rank < rank[index[pair]]) & ~waits).any()
-    return np.asarray(is_later)
+        bodies = make_links(len(drivers.arc), holds[0], holds[1])
+        each, found = bodies.of(at[asker])
+        under = other[each] * len(best) + bodies.other[found]
+        waits = np.bincount(each[is_among(under, index[is_taken] * len(best) + rival[is_taken])], minlength=len(pair))
+        is_later[unsure] = np.bincount(pair[waits == 0], minlength=len(unsure)) > 0
+    return is_later
+
+
+def _find_firsts(  # noqa: PLR0917 - what `_are_later` knows
+    drivers: Drivers, at: IntArray, lane: IntArray, rank: IntArray, has_last: BoolArray, num_lanes: int
+) -> Links:
+    """Return for each lane those who ask for it, of all that wait for the same rivals the first one alone.
+
+    All short vehicles do so, and all long ones. One that has the last tail on a rival itself is apart.
+
+    Args:
+        at: (k,) int64, the drivers that ask.
+        lane: (k,) int64, for these lanes.
+        rank: (k,) int64, in this order.
+        has_last: (k,) they have a last tail.
+        num_lanes: lanes of the map.
+    """
+    alike = 2 * lane + (drivers.length[at] > HEAVY_LENGTH)
+    least = np.full(2 * num_lanes, len(at), dtype=np.int64)
+    np.minimum.at(least, alike[~has_last], rank[~has_last])
+    first = (has_last | (rank == least[alike])).nonzero()[0]
+    return make_links(num_lanes, lane[first], first)
 
 
 def find_rivals(
@@ -317,8 +350,10 @@ def _are_taken(
     link: IntArray,
     *,
     moving: Entries,
-) -> tuple[BoolArray, BoolArray]:
-    """Return for pairs of lanes with rivals whether the driver itself is on the rival, and whether others have it.
+) -> tuple[BoolArray, BoolArray, BoolArray]:
+    """Return for pairs of lanes with rivals facts about the rival: three arrays (m,).
+
+    Whether the driver itself is on it, whether the last tail there is its own, and whether others have it.
 
     Args:
         holds: see `_find_holds`.
@@ -327,15 +362,21 @@ def _are_taken(
         moving: entries of the vehicles that do not follow lanes and move.
     """
     rival, figure, num = conflicts.rivals.other[link], conflicts.rivals.figure[link], len(conflicts.wait_point)
-    is_taken = _taken(conflicts, drivers, holds, moving)[rival] < figure
+    taken = _taken(conflicts, drivers, holds, moving)
     if not is_any(drivers.held[who] >= 0):
-        return np.zeros(len(who), dtype=bool), is_taken
+        none = np.zeros(len(who), dtype=bool)
+        return none, none, taken[rival] < figure
     # Where lanes are short the driver itself may be on the rival.
-    is_own = is_among(who * num + rival, holds[0] * num + holds[1])
-    for pair in (is_own & is_taken).nonzero()[0].tolist():
-        taken = _taken(conflicts, drivers, holds, moving, but=int(who[pair]))
-        is_taken[pair] = taken[rival[pair]] < figure[pair]
-    return is_own, is_taken
+    by, lane, tail = holds
+    is_own = is_among(who * num + rival, by * num + lane)
+    last_by = np.full(num, -1, dtype=np.int64)
+    last_by[lane[tail == taken[lane]]] = by[tail == taken[lane]]
+    is_last, last = last_by[rival] == who, taken[rival]
+    if is_any(is_last):
+        is_other = last_by[lane] != by
+        without = _taken(conflicts, drivers, (by[is_other], lane[is_other], tail[is_other]), moving)
+        last = np.where(is_last, without[rival], last)
+    return is_own, is_last, last < figure
 
 
 def _taken(
@@ -343,20 +384,17 @@ def _taken(
     drivers: Drivers,
     holds: tuple[IntArray, IntArray, FloatArray],
     moving: Entries,
-    but: int = -1,
 ) -> FloatArray:
     """Return where on each lane the last tail is of those that have or claim it, (l,); inf where there is none [m].
 
     Args:
         holds: see `_find_holds`.
         moving: entries of the vehicles that do not follow lanes and move.
-        but: a driver that does not count.
     """
     taken = np.full(len(conflicts.wait_point), np.inf)
     who, lane, tail = holds
     if len(who):
-        counts = who != but
-        np.minimum.at(taken, lane[counts], tail[counts])
+        np.minimum.at(taken, lane, tail)
     if len(moving.lane):
         np.minimum.at(taken, moving.lane, moving.tail)
     taken[drivers.claim[drivers.claim >= 0]] = -np.inf

@@ -93,8 +93,8 @@ _MORE: Final[Mapping[str, str]] = {
 FOR_DRIVERS: Final[Mapping[str, str]] = {
     "D": "gap lead_speed lead_accel stop_distance safe_speed asked_distance wanted desired_now asking_place distance"
     " heading east north angle sine cosine lateral_now left_s left_tail left_speed left_accel",
-    "I": "frame decision lead_at lead asked asked_exit asking looking at side shift_of shifted shifting left_lane"
-    " left_source",
+    "I": "frame decision lead_at lead asked asked_exit asking alike next_best looking at side shift_of shifted shifting"
+    " left_lane left_source",
     "B": "is_shut_out is_blocked asked_again is_leaving is_clear is_tight is_second can_go",
 }
 """Room for what is worked out for each driver."""
@@ -103,7 +103,11 @@ FOR_QUEUE: Final[Mapping[str, str]] = {
     "D": "q_s q_tail q_speed q_accel e_s e_tail e_speed e_accel",
     "I": "q_key q_lane q_source q_position e_lane e_source",
 }
-FOR_LANES: Final[Mapping[str, str]] = {"D": "reserved taken nearest", "I": "best q_first", "B": "stands has_long"}
+FOR_LANES: Final[Mapping[str, str]] = {
+    "D": "reserved taken taken_else nearest",
+    "I": "best taken_by q_first",
+    "B": "stands has_long",
+}
 FOR_EGOS: Final[Mapping[str, str]] = {
     "D": "slope_below to_left to_right s_below lateral_below yaw_below beyond",
     "I": "lane_below",

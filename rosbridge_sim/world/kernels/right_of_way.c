@@ -100,42 +100,38 @@ static D tail_on(const K *k, I i, I lane) {
   return found;
 }
 
-static void take(K *k, I lane, D tail) { k->taken[lane] = least(k->taken[lane], tail); }
+/* The last tail on a lane, of which driver it is (-1 for none), and the last one of all others. */
+static void take(K *k, I lane, D tail, I i) {
+  if (tail < k->taken[lane]) {
+    if (i != k->taken_by[lane]) k->taken_else[lane] = k->taken[lane];
+    k->taken[lane] = tail, k->taken_by[lane] = i;
+  } else if (i != k->taken_by[lane]) k->taken_else[lane] = least(k->taken_else[lane], tail);
+}
 
 /* _taken, and on which lanes drivers stand. */
 static void take_lanes(K *k) {
   for (I lane = 0; lane < k->num_lanes; lane++) {
-    k->taken[lane] = k->nearest[lane] = INFINITY;
-    k->best[lane] = -1;
+    k->taken[lane] = k->taken_else[lane] = k->nearest[lane] = INFINITY;
+    k->best[lane] = k->taken_by[lane] = -1;
   }
   for (I i = 0; i < k->n; i++) {
     I r = k->rows[i], held = k->held[r];
     if (held < 0) continue;
     if (k->speed[r] < CREEP) k->stands[held] = 1;
-    take(k, held, tail_on_held(k, i, r));
+    take(k, held, tail_on_held(k, i, r), i);
     if (!isinf(tail_on_held(k, i, r))) continue;
     for (I j = 0; j < NUM_LANES - 1 && LANE(r, j) != held; j++)
-      take(k, LANE(r, j), -INFINITY);
+      take(k, LANE(r, j), -INFINITY, i);
   }
-  for (I j = 0; j < k->num_moving; j++) take(k, k->other_lane[j], k->other_tail[j]);
+  for (I j = 0; j < k->num_moving; j++) take(k, k->other_lane[j], k->other_tail[j], -1);
   for (I i = 0; i < k->n; i++)
-    if (k->claim[k->rows[i]] >= 0) k->taken[k->claim[k->rows[i]]] = -INFINITY;
+    if (k->claim[k->rows[i]] >= 0) take(k, k->claim[k->rows[i]], -INFINITY, -1);
 }
 
 /* _are_taken: whether others than driver i have the rival of pair x. */
-static int is_taken(const K *k, I i, I x, int is_own) {
+static int is_taken(const K *k, I i, I x) {
   I rival = k->rival_other[x];
-  D tail = k->taken[rival];
-  if (is_own && tail < k->rival_figure[x]) {
-    tail = INFINITY;
-    for (I other = 0; other < k->n; other++) {
-      if (other != i) tail = least(tail, tail_on(k, other, rival));
-      if (k->claim[k->rows[other]] == rival) tail = -INFINITY;
-    }
-    for (I j = 0; j < k->num_moving; j++)
-      if (k->other_lane[j] == rival) tail = least(tail, k->other_tail[j]);
-  }
-  return tail < k->rival_figure[x];
+  return (k->taken_by[rival] == i ? k->taken_else[rival] : k->taken[rival]) < k->rival_figure[x];
 }
 
 /* The order of those who ask: place, right before left, not to the left, distance, lane, index. */
@@ -150,7 +146,18 @@ static int comes_before(const K *k, I a, I b) {
   return a < b;
 }
 
-/* The first who asks for each lane, and who could go if nobody else asked. */
+/* Where in the list of its lane the first one is that waits for the same rivals as j; the end if there is none. All
+   short ones wait for the same, and all long ones. One that has the last tail on a rival itself is apart. */
+static I *find_alike(K *k, I j) {
+  I i = k->asking[j], lane = k->asked[i], *at = &k->best[lane];
+  k->alike[j] = k->body_length[i] > HEAVY_LENGTH ? -1 : -2;
+  for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++)
+    if (k->taken_by[k->rival_other[x]] == i) k->alike[j] = j;
+  while (*at >= 0 && k->alike[*at] != k->alike[j]) at = &k->next_best[*at];
+  return at;
+}
+
+/* The lists of those who ask for a lane, the first one alone of those alike; and who could go if nobody else asked. */
 static void rank(K *k, I num) {
   for (I j = 0; j < num; j++) {
     I i = k->asking[j], lane = k->asked[i];
@@ -166,33 +173,30 @@ static void rank(K *k, I num) {
       I rival = k->rival_other[x];
       if (!counts(k, i, x)) continue;
       if (k->nearest[rival] == k->asking_place[j] && k->rival_right[x]) k->is_second[j] = 1;
-      if (is_taken(k, i, x, tail_on(k, i, rival) < INFINITY)) k->can_go[j] = 0;
+      if (is_taken(k, i, x)) k->can_go[j] = 0;
     }
   }
   for (I j = 0; j < num; j++) {
-    I lane = k->asked[k->asking[j]];
-    if (k->best[lane] < 0 || comes_before(k, j, k->best[lane])) k->best[lane] = j;
+    I *at = find_alike(k, j), other = *at;
+    if (other >= 0 && comes_before(k, other, j)) continue;
+    k->next_best[j] = other < 0 ? -1 : k->next_best[other], *at = j;
   }
 }
 
 /* Whether one who asks waits for driver i to leave the crossing. */
 static int waits_for(const K *k, I asker, I i) {
   I other = k->asking[asker], lane = k->asked[other];
-  for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++) {
-    I rival = k->rival_other[x];
-    if (!counts(k, other, x) || !(tail_on(k, i, rival) < INFINITY)) continue;
-    if (is_taken(k, other, x, tail_on(k, other, rival) < INFINITY)) return 1;
-  }
+  for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++)
+    if (counts(k, other, x) && is_taken(k, other, x) && tail_on(k, i, k->rival_other[x]) < INFINITY) return 1;
   return 0;
 }
 
 /* Whether one who asks for a rival goes before j; those who wait for j do not count if it could go. */
-static int goes_first(const K *k, I rival, I j, I num, int takes) {
-  I i = k->asking[j], first = k->best[rival];
-  if (first < 0 || !comes_before(k, first, j)) return 0;
-  if (takes || k->held[k->rows[i]] < 0) return 1;
-  for (I other = 0; other < num; other++)
-    if (k->asked[k->asking[other]] == rival && comes_before(k, other, j) && !waits_for(k, other, i)) return 1;
+static int goes_first(const K *k, I rival, I j, int takes) {
+  I i = k->asking[j];
+  int all_count = takes || k->held[k->rows[i]] < 0;
+  for (I other = k->best[rival]; other >= 0; other = k->next_best[other])
+    if (comes_before(k, other, j) && (all_count || !waits_for(k, other, i))) return 1;
   return 0;
 }
 
@@ -202,8 +206,8 @@ static void give(K *k, I num) {
     for (I x = k->rival_first[lane]; x < k->rival_first[lane + 1]; x++) {
       I rival = k->rival_other[x];
       if (!counts(k, i, x)) continue;
-      int is_own = tail_on(k, i, rival) < INFINITY, takes = is_taken(k, i, x, is_own);
-      is_refused |= goes_first(k, rival, j, num, takes);
+      int is_own = tail_on(k, i, rival) < INFINITY, takes = is_taken(k, i, x);
+      is_refused |= goes_first(k, rival, j, takes);
       k->is_blocked[i] |= k->stands[rival] && (!is_own || takes);
     }
     k->can_go[j] = !is_refused;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.intruders import stop_for_intruders
@@ -231,8 +232,49 @@ class OneByOne:
 @pytest.mark.parametrize("seed", range(150))
 def test_claims_are_given_as_one_by_one(seed: int, town: LaneConflicts) -> None:
     few = 0.1 if seed % 5 < 3 else 0.25
-    case = situation(town, seed, few=few)
-    expected = OneByOne(situation(town, seed, few=few))
+    check_claims(situation(town, seed, few=few), situation(town, seed, few=few))
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_claims_are_given_to_a_crowd_as_one_by_one(seed: int, town: LaneConflicts) -> None:
+    check_claims(crowd(town, seed), crowd(town, seed))
+
+
+def crowd(conflicts: LaneConflicts, seed: int) -> Situation:
+    """All ask, nobody has a claim, and many hold lanes of the crossing, which others wait for."""
+    case = situation(conflicts, seed, num=24, few=0.3)
+    case.drivers.claim[:] = case.requests.exit_lane[:] = -1
+    case.perception.gap[:] = math.inf
+    case.requests.distance[:] = np.fmin(case.requests.distance, 3.0)
+    case.num_moving = seed % 2
+    case.others = case.others.first(case.num_moving)
+    return case
+
+
+@pytest.mark.parametrize("seeds", [range(100 * i, 100 * i + 100) for i in range(4)])
+def test_drivers_that_ask_for_a_rival_of_their_own_lane_get_it_as_one_by_one(
+    seeds: range, maps: list[LaneConflicts]
+) -> None:
+    for seed in seeds:
+        check_claims(on_rivals(maps[1], seed), on_rivals(maps[1], seed))
+
+
+def on_rivals(conflicts: LaneConflicts, seed: int) -> Situation:
+    """Drivers on two lanes that cross, which most of them hold, ask for either of these, as forged bytes have it."""
+    case, rng = situation(conflicts, seed, num=6), np.random.default_rng(seed)
+    drivers, requests = case.drivers, case.requests
+    drivers.lanes[:2] = rng.choice(np.array([conflicts.roads.row("we"), conflicts.roads.row("sn")]), (2, 6))
+    drivers.arc[:] = rng.uniform(0.0, 20.0, 6)
+    drivers.held[:] = np.where(rng.random(6) < 0.7, drivers.lanes[0], -1)
+    drivers.claim[:] = requests.exit_lane[:] = -1
+    requests.lane[:], requests.distance[:] = drivers.lanes[1], rng.uniform(0.5, 3.4, 6)
+    case.perception.gap[:] = math.inf
+    case.num_moving, case.others = 0, case.others.first(0)
+    return case
+
+
+def check_claims(case: Situation, same: Situation) -> None:
+    expected, town = OneByOne(same), case.conflicts
     drivers, perception, requests = case.drivers, case.perception, case.requests
     claims, exits, stops = drivers.claim.copy(), drivers.exit_lane.copy(), perception.stop_distance.copy()
     give_claims(town, drivers, perception, requests, case.queue, others=case.others, num_moving=case.num_moving)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from cProfile import Profile
 from functools import cache
 from itertools import pairwise
 
@@ -10,13 +11,15 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.followers.lane_following import view_driver
 from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 from tests.world.kernels.compiled_loops import needs_compiler
 from tests.world.kernels.test_lane_kernel import check_both
 from tests.world.lane_drives import BUS
-from tests.world.road_factory import CAR, arc, line
+from tests.world.road_factory import CAR, arc, crossing, line
 from tests.world.wide_roads import wide_road as beside
 
 pytestmark = needs_compiler
@@ -167,6 +170,61 @@ def any_state(roads: Roads, seed: int, num: int) -> World:
         body, speed = BODIES[rng.integers(1, 3)], float(rng.choice([0.0, 4.0]))
         world.spawn(Kind.EGO, body, name="ego", x=x, y=y, z=z, yaw=yaw[0], speed=speed, gear=Gear.NEUTRAL)
     return world
+
+
+def any_crowd(roads: Roads, seed: int, num: int) -> World:
+    """Nearly all ask, for a few lanes, and many hold some: only bytes from outside hold such a state."""
+    world, rng = any_state(roads, seed, num), np.random.default_rng(seed)
+    rows, conflicts = world.has_lane.nonzero()[0], roads.derived(LaneConflicts)
+    has_rivals = np.isfinite(conflicts.wait_point)
+    lane = rng.choice(has_rivals.nonzero()[0], 1)
+    busy = np.append(conflicts.rivals.other[conflicts.rivals.of(lane)[1]], lane)
+    ahead = world.int_block("lane", "ahead_5")
+    ahead[1:, rows] = rng.choice(busy, (5, len(rows)))
+    # Who follows one that has a claim asks, too; nobody waits for these lanes.
+    world.claim[rows], world.exit_lane[rows] = rng.choice((~has_rivals).nonzero()[0], len(rows)), -1
+    world.held[rows] = np.where(rng.random(len(rows)) < 0.6, ahead[rng.integers(0, 6, len(rows)), rows], -1)
+    return world
+
+
+@pytest.mark.parametrize(("num", "seeds"), [(30, range(4)), (200, range(1)), (30, range(4, 40)), (200, range(1, 15))])
+def test_crowds_before_one_crossing_decide_the_same(num: int, seeds: range) -> None:
+    for seed in seeds:
+        one, other = (any_crowd(lay_out(*PARTS), seed, num) for _ in range(2))
+        check_both(one, other, 6)
+
+
+def jam_on_one_lane(num: int) -> World:
+    """All are on one lane of a crossing, which they hold; half of them ask for the lane that crosses it."""
+    world, roads = World(), crossing()
+    world.lay_roads(roads)
+    own, other = roads.row("we"), roads.row("sn")
+    starts = []
+    for i in range(num):
+        row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=10.0))
+        starts.append(LaneStart(row, own, 0.5 + 2.0 * (i % 2) + 0.5 * i / num))
+    keep_lanes(world, starts)
+    world.held[:num], world.claim[:num], world.int_block("ahead_2", "ahead_5")[:, :num] = own, roads.row("e"), -1
+    world.int_block("ahead_1", "ahead_1")[0, :num] = np.where(np.arange(num) % 2, other, own)
+    return world
+
+
+def test_thousands_on_one_lane_that_wait_for_one_another_decide_the_same() -> None:
+    """Each compared with each one, for each one, the loops took 15 s for one decision."""
+    one, other = (jam_on_one_lane(2000) for _ in range(2))
+    check_both(one, other, 1)
+
+
+def test_decision_of_a_crowd_calls_no_more_functions_than_that_of_some() -> None:
+    """Arrays grow with the number of drivers, and nothing is done driver by driver."""
+
+    def count(num: int) -> int:
+        world, profile = jam_on_one_lane(num), Profile()
+        view_driver(world, 0)
+        profile.runcall(view_driver, world, 0)
+        return sum(each.callcount for each in profile.getstats())
+
+    assert count(120) == count(30)
 
 
 def check_states(roads: Roads, num: int, seeds: range) -> None:
