@@ -22,6 +22,8 @@ from rosbridge_sim.graph.topics_services import Answer, Call
 
 DOMAIN: Final = 78
 NUM_TICKS: Final = 200
+NUM_WHOLE: Final = 5
+"""Ticks in a row with all their messages, after which ticks are counted."""
 
 
 class Ticker(Participant):
@@ -87,9 +89,16 @@ def node() -> None:
         rclpy.spin_until_future_complete(own, future)
         assert future.result().success
 
-    while not (tick.wait_for_service(0.1) and all(stamps.values())):  # until the server knows both subscriptions
-        if tick.service_is_ready():
+    def counts() -> list[int]:
+        return [len(known) for known in stamps.values()]
+
+    # The first messages may be lost and sent again, until both sides of a subscription know each other.
+    num_whole = 0
+    while num_whole < NUM_WHOLE:
+        if tick.wait_for_service(0.1):
+            before = counts()
             run()
+            num_whole = num_whole + 1 if counts() == [num + 1 for num in before] else 0
     for known in stamps.values():
         known.clear()
     heard = []
