@@ -250,15 +250,9 @@ EXPORT I look_at_lanes(K *k) {
   return 0;
 }
 
-/* The middle of the box of a row with a heading. */
-static inline V middle_of(const K *k, I r, V heading) {
-  return (V){k->x[r] + k->centre[r] * heading.x, k->y[r] + k->centre[r] * heading.y};
-}
-
-/* The way to the middle of the box of another row; headings of all rows are in `cosine` and `sine`. */
-static inline V way_to(const K *k, I r, I other) {
-  V heading = {k->cosine[other], k->sine[other]}, place = {k->x[r], k->y[r]};
-  return minus(middle_of(k, other, heading), place);
+/* The middle of the box of a row, seen from a place; headings of all rows are in `cosine` and `sine`. */
+static inline V middle_from(const K *k, I r, D x, D y) {
+  return (V){k->x[r] + k->centre[r] * k->cosine[r] - x, k->y[r] + k->centre[r] * k->sine[r] - y};
 }
 
 /* surroundings.find_others: the nearest entities of egos, the nearest first, -1 for none, and by what they are turned. Returns 0;
@@ -269,8 +263,8 @@ EXPORT I find_others(K *k) {
     D *turn_by = k->turn_by + k->num_seen * i;
     for (I other = r % k->num_worlds; other < k->num_rows; other += k->num_worlds) {
       if (!k->alive[other] || other == r) continue;
-      V way = way_to(k, r, other);
-      D away = way.x * way.x + way.y * way.y;
+      V place = middle_from(k, other, k->x[r], k->y[r]);
+      D away = place.x * place.x + place.y * place.y;
       I at = found;
       while (at && away < k->away[at - 1]) at--;
       if (at && away == k->away[at - 1]) return WITH_ARRAYS;
@@ -295,13 +289,13 @@ EXPORT I find_others(K *k) {
 EXPORT void describe_others(K *k) {
   for (I at = 0; at < k->n * k->num_seen; at++) {
     I r = k->rows[at / k->num_seen], other = k->nearest_rows[at];
-    D *seen = k->seen + NUM_FIGURES * at;
+    D *seen = k->seen + NUM_FIGURES * at, cos_ = k->cosine[r], sin_ = k->sine[r];
     for (int j = 0; j < NUM_FIGURES; j++) seen[j] = 0.0;
     if (other < 0) continue;
-    V place = seen_from((V){k->cosine[r], k->sine[r]}, way_to(k, r, other));
+    V place = middle_from(k, other, k->x[r], k->y[r]);
     seen[0] = 1.0;
-    seen[1] = place.x;
-    seen[2] = place.y;
+    seen[1] = place.x * cos_ + place.y * sin_;
+    seen[2] = place.y * cos_ - place.x * sin_;
     seen[5] = k->turn_cosine[at];
     seen[6] = k->turn_sine[at];
     seen[3] = k->speed[other] * seen[5] - k->lateral_speed[other] * seen[6] - k->speed[r];
@@ -317,8 +311,8 @@ typedef struct { V heading, middle, velocity; } Sliding;
 static Sliding slide(const K *k, I r) {
   V unit = {cos(k->yaw[r]), sin(k->yaw[r])};
   D ahead = k->speed[r], aside = k->lateral_speed[r];
-  V velocity = {ahead * unit.x - aside * unit.y, ahead * unit.y + aside * unit.x};
-  return (Sliding){unit, middle_of(k, r, unit), velocity};
+  V middle = {k->x[r] + k->centre[r] * unit.x, k->y[r] + k->centre[r] * unit.y};
+  return (Sliding){unit, middle, {ahead * unit.x - aside * unit.y, ahead * unit.y + aside * unit.x}};
 }
 
 /* How far from its place a box may be within a little more than the horizon. */
