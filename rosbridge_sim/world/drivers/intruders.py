@@ -43,42 +43,83 @@ def stop_for_intruders(conflicts: LaneConflicts, drivers: Drivers, perception: P
         moving: entries of the vehicles that do not follow lanes and move.
 
     Returns:
-        (k,) int64, for each driver an entry in `moving` that it stops for; -1 for none.
+        (k,) int64, for each driver the entry in `moving` that it stops for: that of the nearest place, and there the
+        one that comes first; -1 for none.
     """
     gives_way = np.full(len(drivers.arc), -1, dtype=np.int64)
     who, lane, tail, nose, speed = _intruders(conflicts, moving)
     if not len(lane):
         return gives_way
     index, link = conflicts.rivals.of(lane)
-    if not len(link):
+    comes = (conflicts.rival_from[link] - nose[index]) / speed[index]
+    goes = (conflicts.rivals.figure[conflicts.rival_back[link]] - tail[index]) / speed[index]
+    at = (goes > 0.0).nonzero()[0]
+    if not len(at):
         return gives_way
+    index, link, comes, goes = index[at], link[at], comes[at], goes[at] + MARGIN
+    is_used = np.zeros(len(conflicts.rivals.other), dtype=np.bool_)
+    is_used[link] = True
+    used = is_used.nonzero()[0]
     mine = np.concatenate([drivers.claim, drivers.held])
-    order = np.argsort(mine, kind="stable")
+    order = mine.argsort(kind="stable")
     mine = mine[order]
-    begin = np.searchsorted(mine, conflicts.rivals.other[link])
-    count = np.searchsorted(mine, conflicts.rivals.other[link], side="right") - begin
-    pair = np.repeat(np.arange(len(link)), count)
+    begin = mine.searchsorted(conflicts.rivals.other[used])
+    count = mine.searchsorted(conflicts.rivals.other[used], side="right") - begin
+    pair = np.repeat(used, count)
+    if not len(pair):
+        return gives_way
     at = order[ranges(begin, count)]
     driver, is_held = at % len(drivers.arc), at >= len(drivers.arc)
-    index, link = index[pair], link[pair]
-    # Where cars pass each other, only long vehicles are in the way.
-    counts = ~conflicts.rival_passes[link] | (drivers.length[driver] > HEAVY_LENGTH)
-    counts |= (nose - tail)[index] > HEAVY_LENGTH
-    driver, is_held, index, link = driver[counts], is_held[counts], index[counts], link[counts]
-    back = conflicts.rival_back[link]
-    # Places on the driver's lane, from its bumper; and on the intruder's lane, from its own.
-    ahead = _distance_to(conflicts, drivers, driver, conflicts.rivals.other[link], is_held=is_held)
-    enter, leave = ahead + conflicts.rival_from[back], ahead + conflicts.rivals.figure[link]
+    length = drivers.length[driver]
+    # Places on the driver's lane, from its bumper.
+    ahead = _distance_to(conflicts, drivers, driver, conflicts.rivals.other[pair], is_held=is_held)
+    enter = ahead + conflicts.rival_from[conflicts.rival_back[pair]]
+    leave = ahead + conflicts.rivals.figure[pair]
     own_speed = np.fmax(drivers.speed[driver], LEAST_SPEED)
-    comes = (conflicts.rival_from[link] - nose[index]) / speed[index]
-    goes = (conflicts.rivals.figure[back] - tail[index]) / speed[index]
-    is_near = (goes > 0.0) & (enter / own_speed < goes + MARGIN)
-    is_near &= comes < (leave + drivers.length[driver]) / own_speed + MARGIN
+    # Where cars pass each other, only long vehicles are in the way: a car looks among these, 2 * link, and all others
+    # among all, 2 * link + 1.
+    is_long = ((nose - tail)[index] > HEAVY_LENGTH).nonzero()[0]
+    row = np.concatenate([is_long, np.arange(len(index))])
+    group = 2 * link[row] + (np.arange(len(row)) >= len(is_long))
+    sees_all = ~conflicts.rival_passes[pair] | (length > HEAVY_LENGTH)
+    first = _first_to_come(group, goes[row], comes[row], 2 * pair + sees_all, enter / own_speed)
+    found = row[first]
     can_stop = np.square(drivers.speed[driver]) < 2.0 * EMERGENCY * enter
-    stops = is_near & can_stop
+    stops = ((first >= 0) & (comes[found] < (leave + length) / own_speed + MARGIN) & can_stop).nonzero()[0]
+    stops = stops[np.argsort(-enter[stops], kind="stable")]  # the nearest place is written last
     np.minimum.at(perception.stop_distance, driver[stops], enter[stops])
-    gives_way[driver[stops]] = who[index[stops]]
+    gives_way[driver[stops]] = who[index[found[stops]]]
     return gives_way
+
+
+def _first_to_come(
+    group: IntArray, goes: FloatArray, comes: FloatArray, of_group: IntArray, enters: FloatArray
+) -> IntArray:
+    """Return for each search the row of its group that comes first of those that go after it enters; -1 for none.
+
+    The cost grows with n log n, not with rows times searches: a crowd before a crossing may be as large as a snapshot.
+
+    Args:
+        group: (n,) group of each row.
+        goes, comes: (n,) times [s].
+        of_group: (k,) group of each search.
+        enters: (k,) times [s].
+
+    Returns:
+        (k,) int64.
+    """
+    num, sorted_goes = len(group), np.sort(goes)
+    key = group * (num + 1) + sorted_goes.searchsorted(goes)
+    by_key = key.argsort(kind="stable")
+    at = key[by_key].searchsorted(of_group * (num + 1) + sorted_goes.searchsorted(enters, side="right"))
+    # The least rank of `comes` from each row to the end of its group: greater groups have greater numbers.
+    by_comes = comes.argsort(kind="stable")
+    rank = np.empty(num, dtype=np.int64)
+    rank[by_comes] = np.arange(num)
+    least = np.minimum.accumulate((group * num + rank)[by_key][::-1])[::-1] % num
+    inside = np.fmin(at, num - 1)
+    is_found = (at < num) & (group[by_key[inside]] == of_group)
+    return np.where(is_found, by_comes[least[inside]], -1)
 
 
 def _intruders(

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+import tracemalloc
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.intruders import stop_for_intruders
+from rosbridge_sim.world.drivers.lane_entries import Entries
 from rosbridge_sim.world.drivers.right_of_way import give_claims, update_holds
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from tests.world.drivers.random_drivers import Situation, situation
@@ -324,7 +327,7 @@ def distance_to(case: Situation, i: int, lane: int, *, is_held: bool) -> float:
 def test_drivers_stop_for_intruders_as_one_by_one(seed: int, town: LaneConflicts) -> None:
     case = situation(town, seed, num=40, few=0.7)
     drivers, conflicts = case.drivers, case.conflicts
-    stops, seen = case.perception.stop_distance.copy(), [set[int]() for _ in drivers.arc]
+    stops, seen = case.perception.stop_distance.copy(), [list[tuple[float, float, int]]() for _ in drivers.arc]
     for entry, lane, tail, nose, speed in intruders_of(case):
         for pair in rivals_of(conflicts, lane):
             rival, back = int(conflicts.rivals.other[pair]), int(conflicts.rival_back[pair])
@@ -341,7 +344,26 @@ def test_drivers_stop_for_intruders_as_one_by_one(seed: int, town: LaneConflicts
                     is_near = is_near and comes < (leave + drivers.length[i]) / own + 1.5
                     if is_near and drivers.speed[i] ** 2 < 2.0 * 7.0 * enter:
                         stops[i] = min(stops[i], enter)
-                        seen[i].add(entry)
+                        seen[i].append((enter, comes, entry))
     found = stop_for_intruders(conflicts, drivers, case.perception, case.others)
     assert case.perception.stop_distance == pytest.approx(stops, rel=1e-12)
-    assert [entry in seen[i] if seen[i] else entry == -1 for i, entry in enumerate(found.tolist())] == [True] * 40
+    # Each gives way at the nearest place, and there to the one that comes first.
+    assert found.tolist() == [min(pairs)[2] if pairs else -1 for pairs in seen]
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_crowds_of_intruders_take_no_room_for_each_with_each(seed: int, town: LaneConflicts) -> None:
+    case = situation(town, seed, num=3_000, few=0.7)
+    alone, crowd = case.perception.stop_distance.copy(), case.perception.stop_distance.copy()
+    once = stop_for_intruders(case.conflicts, case.drivers, replace(case.perception, stop_distance=alone), case.others)
+    others = Entries.join(*[case.others] * 400)
+    tracemalloc.start()
+    many = stop_for_intruders(case.conflicts, case.drivers, replace(case.perception, stop_distance=crowd), others)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(np.unique(once)) > 2
+    assert (alone.tolist(), once.tolist()) == (
+        crowd.tolist(),
+        np.where(many < 0, -1, many % len(case.others.lane)).tolist(),
+    )
+    assert peak < 10_000_000  # of 3,600 entries and 3,000 drivers; all pairs would take 600 MB
