@@ -143,16 +143,12 @@ async def raw_server(
     talk: Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]],
 ) -> AsyncIterator[str]:
     """A TCP server that does with each connection what `talk` does; its URL."""
-    tasks: list[asyncio.Task[None]] = []
+    tasks: list[asyncio.Future[None]] = []
 
     def greet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        async def whole() -> None:
-            try:
-                await talk(reader, writer)
-            finally:
-                writer.close()
-
-        tasks.append(asyncio.get_running_loop().create_task(whole()))
+        task = asyncio.ensure_future(talk(reader, writer))
+        task.add_done_callback(lambda _: writer.close())  # also of one that is cancelled before it begins
+        tasks.append(task)
 
     server = await asyncio.start_server(greet, "127.0.0.1", 0)
     (socket,) = server.sockets
