@@ -23,6 +23,7 @@ from functools import cache, partial
 from hashlib import blake2b
 from importlib.resources import files
 from pathlib import Path
+from threading import Lock
 from typing import Any, Final
 
 from rosbridge_sim.errors import RosbridgeSimError
@@ -135,15 +136,27 @@ def compile_library(source: str, compiler: Sequence[str], path: Path) -> None:
 
 def _run(command: Sequence[str]) -> tuple[int, str]:
     """Run a compiler, which ends with this process, as do its own children; return its status and what it said."""
-    with subprocess.Popen(  # noqa: S603 - the user's own
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
-    ) as compiling:
-        atexit.register(_end, compiling)
-        try:
-            _, said = compiling.communicate(timeout=MAX_SECONDS)
-        finally:
+    starts, started = Lock(), list[subprocess.Popen[bytes]]()
+
+    def leave() -> None:
+        starts.acquire()  # for ever: one that starts just now is waited for, and none starts any more
+        for compiling in started:
             _end(compiling)
-            atexit.unregister(_end)
+
+    atexit.register(leave)
+    try:
+        with starts:
+            compiling = subprocess.Popen(  # noqa: S603 - the user's own
+                command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True
+            )
+            started.append(compiling)
+        with compiling:
+            try:
+                _, said = compiling.communicate(timeout=MAX_SECONDS)
+            finally:
+                _end(compiling)
+    finally:
+        atexit.unregister(leave)
     return compiling.returncode, said.decode(errors="replace").strip()[:500]
 
 

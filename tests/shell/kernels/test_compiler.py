@@ -188,12 +188,30 @@ def test_process_takes_loops_over_when_they_are_compiled(tmp_path: Path) -> None
         assert len(list((tmp_path / "rosbridge_sim").iterdir())) == 2
 
 
+WAITS = """
+import atexit, subprocess, sys, threading, time
+from pathlib import Path
+from rosbridge_sim.shell.kernels.backend import start_kernels
+
+ending, start = threading.Event(), subprocess.Popen._execute_child
+
+def start_late(*words):
+    start(*words)
+    ending.wait()
+
+if IS_LATE:
+    subprocess.Popen._execute_child = start_late
+start_kernels()
+while not Path(PLACE).exists():
+    time.sleep(0.01)
+atexit.register(ending.set)
+"""
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="needs pidfd_open")
-def test_compiler_ends_with_its_process(tmp_path: Path) -> None:
-    program = (
-        "import time\nfrom pathlib import Path\nfrom rosbridge_sim.shell.kernels.backend import start_kernels\n"
-        f"start_kernels()\nwhile not Path({str(tmp_path / 'pid')!r}).exists():\n    time.sleep(0.01)\n"
-    )
+@pytest.mark.parametrize("is_late", [False, True], ids=["running", "just_started"])
+def test_compiler_ends_with_its_process(tmp_path: Path, is_late: bool) -> None:  # noqa: FBT001 - a parameter
+    program = WAITS.replace("PLACE", repr(str(tmp_path / "pid"))).replace("IS_LATE", str(is_late))
     compiling = f"sh -c 'sleep 100 & echo $! > {tmp_path}/new; mv {tmp_path}/new {tmp_path}/pid; wait'"
     environment = os.environ | {VARIABLE: compiling, "XDG_CACHE_HOME": str(tmp_path)}
     assert fork_server.run(["-c", program], env=environment).returncode == 0
